@@ -15,7 +15,7 @@ from .core.errors import ParameterRangeError, PlacementError
 from .core.mount import Mount
 from .core.pose import Pose
 from .core.prompt.arguments import HOW_TO_RADAR, HOW_TO_RIG, HOW_TO_WORLD, expect, number
-from .core.registry import Sensor, sensor_class
+from .core.registry import SPEC_TYPES, Sensor, sensor_class
 from .core.results import Frame
 from .core.settings.radar import RadarSettings
 from .core.specs.interferer import Interferer
@@ -115,10 +115,11 @@ def observe(
     UnknownNameError
         If `only` names a sensor that the rig does not have.
     PlacementError
-        If the world has no ego actor and no vehicle is given.
+        If the world has no ego actor and no vehicle is given, or a sensor is inside a mesh: before any of them works.
     TimeRangeError
         If the time lies outside the world's motion.
     """
+    from .engine.rays.placement import check_placement
     from .engine.world import World
 
     expect("world", world, World, HOW_TO_WORLD)
@@ -144,6 +145,9 @@ def observe(
 
     results: dict[str, Any] = {}
     looking = rig.sensors if only is None else tuple(rig[name] for name in rig.names if name in set(only))
+    for mount in looking:
+        if mount.kind in SPEC_TYPES:
+            check_placement(state, carrier.at(mount.vehicle_from_sensor).pose.position, f"sensor '{mount.name}'")
     for position, mount in enumerate(looking):
         on_stage(mount.name, position / len(looking))
         started = perf_counter()

@@ -16,6 +16,11 @@ class ScarlError(Exception):
     """Base of all errors that scarl-sionna raises on purpose."""
 
 
+def put_in_front(error: ScarlError, where: str) -> None:
+    """Let an error say where it comes from, a file or a part of it, before what it says."""
+    error.args = (f"{where}: {error}", *error.args[1:])
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a question with the known name nearest to a misspelt one, or nothing if none is near."""
     close = get_close_matches(name, list(known), n=1)

@@ -13,7 +13,15 @@ from typing import Any
 import numpy as np
 import yaml
 
-from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRangeError, ScarlError, UnknownNameError
+from scarl_sionna.core.errors import (
+    InputTypeError,
+    OutputError,
+    ParameterRangeError,
+    ScarlError,
+    SpecError,
+    UnknownNameError,
+    put_in_front,
+)
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.prompt.arguments import HOW_TO_POSE, expect
 from scarl_sionna.core.prompt.describe import Described, Row, vector
@@ -108,7 +116,8 @@ class SensorMount(Described):
     def from_dict(cls, data: Mapping[str, Any]) -> SensorMount:
         """Return the mount of :meth:`to_dict`; `spec` and `settings` may leave out what keeps its default.
 
-        ``preset`` in `spec` names a sensor whose values the other fields then replace: ``{preset: hdl32e}``.
+        ``preset`` in `spec` names a sensor whose values the other fields then replace: ``{preset: hdl32e}``; in the
+        `settings` of a radar it names a quality: ``{preset: draft}``.
 
         Raises
         ------
@@ -127,20 +136,19 @@ class SensorMount(Described):
             raise ParameterRangeError(what, repr(dict(data))[:80], "the form of Rig.to_dict()", str(error)) from error
         kind = form.kind
         fields = dict(form.spec or {})
-        named = _named_spec(kind, what, fields) if "preset" in fields else None
+        named = _named(spec_type(kind), f"{what} spec", fields) if "preset" in fields else None
         values, settings = lifted(kind, fields if named is None else {}, form.settings)
         try:
             place = Pose(pose["position"], pose.get("quaternion", _FACING_FRONT))
         except ParameterRangeError as error:
             where = f"{what} vehicle_from_sensor.{error.name}"
             raise ParameterRangeError(where, error.value, error.allowed, "keep to the form of Rig.to_dict()") from error
-        return cls(
-            form.name,
-            kind,
-            spec_type(kind)(**values) if named is None else named,
-            place,
-            _settings_of(kind, what, settings),
-        )
+        try:
+            spec = spec_type(kind)(**values) if named is None else named
+            return cls(form.name, kind, spec, place, _settings_of(kind, what, settings))
+        except SpecError as error:
+            put_in_front(error, what)
+            raise
 
 
 @dataclass(frozen=True, repr=False)
@@ -295,7 +303,11 @@ class Rig(Described):
             data = read_yaml(path)
         except OSError as error:
             raise ParameterRangeError("rig file", path, "a readable YAML or JSON file", str(error)) from error
-        return cls.from_dict(data)
+        try:
+            return cls.from_dict(data)
+        except ScarlError as error:
+            put_in_front(error, str(path))
+            raise
 
     @classmethod
     def scarl(cls, quality: str = "full", radar: RadarSpec | None = None) -> Rig:
@@ -368,15 +380,13 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
     ]
 
 
-def _named_spec(kind: str, what: str, fields: Mapping[str, Any]) -> Spec:
-    """Return the specification that a preset names, with the other fields in place of its own."""
-    named, name = getattr(spec_type(kind), "preset", None), fields["preset"]
-    if named is None or not isinstance(name, str):
-        allowed = (
-            f"the name of a preset as text; sensors of kind '{kind}' {'have none' if named is None else 'have some'}"
-        )
-        raise ParameterRangeError(f"{what} spec.preset", repr(name), allowed, "give the fields of the specification")
-    return _changed(named(name), {name: value for name, value in fields.items() if name != "preset"})
+def _named(kind: type[Spec], what: str, fields: Mapping[str, Any]) -> Spec:
+    """Return the specification or the settings that a preset names, with the other fields in place of its own."""
+    preset, name = getattr(kind, "preset", None), fields["preset"]
+    if preset is None or not isinstance(name, str):
+        allowed = f"the name of a preset as text; a {kind.__name__} has {'none' if preset is None else 'some'}"
+        raise ParameterRangeError(f"{what}.preset", repr(name), allowed, f"give the fields of the {kind.__name__}")
+    return _changed(preset(name), {name: value for name, value in fields.items() if name != "preset"})
 
 
 def _changed(spec: Spec, fields: Mapping[str, Any]) -> Spec:
@@ -401,7 +411,7 @@ def _settings_of(kind: str, what: str, data: object) -> Spec | None:
     )
     if cls is None or not isinstance(data, Mapping):
         raise ParameterRangeError(f"{what} settings", repr(data)[:80], allowed)
-    return cls(**data)
+    return _named(cls, f"{what} settings", data) if "preset" in data else cls(**data)
 
 
 def _check_keys(what: str, data: object, required: set[str], optional: set[str] = frozenset()) -> None:  # type: ignore[assignment]

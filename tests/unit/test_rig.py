@@ -11,7 +11,7 @@ import pytest
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.registry import spec_type
-from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.radar import QUALITIES, RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
@@ -158,8 +158,10 @@ def test_a_name_that_is_no_safe_folder_is_refused(name) -> None:
 def test_a_bad_file_says_what_is_wrong(tmp_path, text, message) -> None:
     path = tmp_path / "rig.yaml"
     path.write_text(text)
-    with pytest.raises((ParameterRangeError, UnknownNameError), match=message):
+    with pytest.raises((ParameterRangeError, UnknownNameError), match=message) as caught:
         Rig.load(path)
+    assert str(caught.value).startswith(str(path)) or "rig file" in str(caught.value)
+    assert "bandwith" not in text or "sensor 'x'" in str(caught.value)
 
 
 def test_a_missing_file_and_an_unknown_preset_or_quality() -> None:
@@ -214,5 +216,30 @@ def test_a_device_that_is_not_known_is_refused() -> None:
         mount_of("lidar", preset="hdl32")
     with pytest.raises(ParameterRangeError, match="as text"):
         mount_of("lidar", preset=32)
-    with pytest.raises(ParameterRangeError, match="kind 'camera' have none"):
+    with pytest.raises(ParameterRangeError, match="a CameraSpec has none"):
         mount_of("camera", preset="day")
+
+
+def test_a_rig_file_names_qualities() -> None:
+    """What a radar's settings name stands over the quality of the scenario, `full` as well as `draft`."""
+    place = {"name": "r", "kind": "radar", "vehicle_from_sensor": {"position": [4.0, 0.0, 0.6]}}
+    for quality, other in (("draft", "full"), ("full", "draft")):
+        mount = SensorMount.from_dict({**place, "settings": {"preset": quality, "noise": False}})
+        expected = RadarSettings.preset(quality).with_(noise=False)
+        assert mount.settings == expected == Rig("one", (mount,)).in_quality(other)["r"].settings
+    part = SensorMount.from_dict({**place, "settings": {"preset": "draft", "raycast": {"num_rays": 7}}})
+    assert part.settings.raycast.num_rays == 7 and part.settings.accuracy == RadarSettings.preset("draft").accuracy
+    with pytest.raises(UnknownNameError, match="quality 'fast'"):
+        SensorMount.from_dict({**place, "settings": {"preset": "fast"}})
+    with pytest.raises(ParameterRangeError, match="a RadioSettings has none"):
+        stations = [{"name": "mast", "position": [60.0, 0.0, 8.0]}]
+        SensorMount.from_dict(
+            {**place, "kind": "radio", "spec": {"stations": stations}, "settings": {"preset": "draft"}}
+        )
+
+
+def test_the_page_of_settings_has_the_numbers_of_the_qualities() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "radar_settings.md").read_text(encoding="utf-8")
+    for quality in QUALITIES:
+        settings = RadarSettings.preset(quality)
+        assert f"| `{quality}` | {settings.raycast.num_rays:,} | {settings.accuracy.tube_budget:,} |" in page

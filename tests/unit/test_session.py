@@ -236,3 +236,13 @@ def test_a_session_begins_anew_with_the_same_bytes(session: ss.Session, world: s
     other = session.step(0.0, told(world, 0.0))
     assert same(first.results["radar"], again.results["radar"]) and again.index == 0
     assert not same(first.results["radar"], other.results["radar"])  # the noise of another seed
+
+
+def test_a_sensor_inside_of_the_car_is_named_before_any_sensor_works(world: ss.World) -> None:
+    inside = SensorMount("rear/radar", "radar", RADAR, ss.Pose([0.0, 0.0, 0.9]), FAST)
+    rig = ss.Rig("last", (*RIG.sensors, inside))
+    worked: list[str] = []
+    with pytest.raises(PlacementError, match="'rear/radar' at .* is inside 'ego'"):
+        ss.observe(world, rig, 0.1, on_stage=lambda name, _: worked.append(name))
+    assert worked == []
+    ss.observe(world, rig, 0.1, only=["lidar"])  # those that do not look may be anywhere

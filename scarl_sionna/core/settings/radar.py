@@ -121,7 +121,8 @@ class RadarSettings(Spec):
     def preset(cls, quality: str) -> RadarSettings:
         """Return the settings of a quality.
 
-        ``"full"`` are the defaults, ``"draft"`` has a quarter of the rays and a twentieth of the tubes.
+        ``"full"`` states the default numbers of rays and tubes, ``"draft"`` a quarter of the rays and a twentieth of
+        the tubes; nothing else is set.
 
         Raises
         ------
@@ -130,9 +131,10 @@ class RadarSettings(Spec):
         """
         if quality not in QUALITIES:
             raise UnknownNameError("quality", quality, QUALITIES)
-        if quality == "full":
-            return cls()
-        return cls(raycast=RaycastSettings(num_rays=250_000), accuracy=Accuracy(tube_budget=50_000))
+        rays, tubes = RaycastSettings().num_rays, Accuracy().tube_budget
+        if quality == "draft":
+            rays, tubes = 250_000, 50_000
+        return cls(raycast=RaycastSettings(num_rays=rays), accuracy=Accuracy(tube_budget=tubes))
 
     @classmethod
     def of(cls, method: str | None = None, **fields: object) -> RadarSettings:
