@@ -61,9 +61,13 @@ PAINTS: dict[str, dict[str, Color]] = {
 
 
 def joints(centres: dict[str, tuple[float, float, float]], wheels: dict[str, list[str]]) -> list[dict[str, Any]]:
-    """Return wheel joints: name of each wheel -> its centre (the height is the radius) [m] and its shapes."""
+    """Return wheel joints: name of each wheel -> its centre (the height is the radius) [m] and its shapes.
+
+    Those before the middle steer.
+    """
     return [
         {"kind": "wheel", "shapes": wheels[name], "center": centre, "radius": centre[2]}
+        | ({"steered": True} if centre[0] > 0.0 else {})
         for name, centre in centres.items()
     ]
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.scene.motion.trajectory import Trajectory
+from scarl_sionna.scene.motion.trajectory import Trajectory, WheelWay
 
 from .bodies import ActorBody
 
@@ -23,6 +23,8 @@ SMOOTHING = 3.0
 """Distance of the knots of a vehicle's path [m]: the steering goes from straight to a bend within about this way."""
 ROUNDING = 0.2
 """Distance of the knots of heights that follow a ground with kerbs and ramps [m]: less than a wheel's radius."""
+ROLLING = 0.25
+"""Distance of the places at which the way of a steered wheel is known exactly [m]: a twelfth of the path's knots."""
 _DEGREE = 5
 
 
@@ -136,7 +138,7 @@ class SmoothPath:
             dense = dense + lateral[:, None] * np.column_stack([-tangent[:, 1], tangent[:, 0], np.zeros_like(way)])
         fitted = _least_squares(way, dense, smoothing)
         self._spline, self._ways, self._chords = _by_arc_length(fitted, way, smoothing)
-        self._first, self._second = self._spline.derivative(1), self._spline.derivative(2)
+        self._slopes = tuple(self._spline.derivative(order) for order in (1, 2, 3))
         self.length = float(self.way_of(chord[-1]))
         anchors = np.stack([np.interp(chord, way, dense[:, axis]) for axis in range(3)], axis=1)
         self.deviation = float(np.linalg.norm(self.at(self.way_of(chord)) - anchors, axis=1).max())
@@ -158,7 +160,7 @@ class SmoothPath:
         other = copy.copy(self)
         other._spline, other._ways, before = _by_arc_length(fitted, close, ROUNDING)
         other._chords = np.interp(before, self._ways, self._chords)
-        other._first, other._second = other._spline.derivative(1), other._spline.derivative(2)
+        other._slopes = tuple(other._spline.derivative(order) for order in (1, 2, 3))
         other.length = float(np.interp(self.length, before, other._ways))
         return other
 
@@ -172,8 +174,15 @@ class SmoothPath:
         return np.interp(np.asarray(chord, dtype=np.float64), self._chords, self._ways)
 
     def at(self, way: npt.ArrayLike, derivative: int = 0) -> Array:
-        """Return points [m] (..., 3), or their first or second derivatives by the way, at ways (...,) [m]."""
-        return np.asarray((self._spline, self._first, self._second)[derivative](way))
+        """Return points [m] (..., 3), or their first to third derivatives by the way, at ways (...,) [m]."""
+        return np.asarray((self._spline, *self._slopes)[derivative](way))
+
+    def bend(self, way: npt.ArrayLike) -> tuple[Array, Array]:
+        """Return the turn of the heading by the way [rad/m], to the left, and its derivative, at ways (...,) [m]."""
+        (x1, y1), (x2, y2), (x3, y3) = (self.at(way, order)[..., :2].T for order in (1, 2, 3))
+        plan = x1 * x1 + y1 * y1
+        turn = x1 * y2 - y1 * x2
+        return (turn / plan).T, ((x1 * y3 - y1 * x3) / plan - 2.0 * turn * (x1 * x2 + y1 * y2) / plan**2).T
 
 
 def _densify(
@@ -275,6 +284,7 @@ class PathTrajectory:
         if not self.start < self.stop:
             raise ParameterRangeError(f"{name}.trajectory", (self.start, self.stop), "a start before the stop [s]")
         self._rate, self._pull = way.derivative(1), way.derivative(2)
+        self._rolled: dict[tuple[float, float], tuple[PPoly, PPoly, float]] = {}
         self._last: tuple[float, tuple[Array, Array, Array, Array, Array]] = (self.start, self.sample(self.start))
         low, high = path.bounds
         ways = way(np.linspace(self.start, self.stop, 65))
@@ -340,6 +350,35 @@ class PathTrajectory:
         _, heading, slope, linear, _ = self.sample(times)
         flat = linear[:, 0] * np.cos(heading) + linear[:, 1] * np.sin(heading)
         return np.asarray(flat * np.cos(slope) + linear[:, 2] * np.sin(slope))
+
+    def wheel_way(self, time: float, place: tuple[float, float]) -> WheelWay:
+        r"""Return where a wheel at x, y of the body [m] points that goes without slip, and how far it has rolled.
+
+        Notes
+        -----
+        With the turn k of the path by its way s, the wheel at (l, y) from the rear axle's middle goes along
+        :math:`(1 - k y, k l)` in the body: it points there, and rolls by the integral of the length over s.
+        """
+        lever, side = place[0] - self.body.rear_axle, place[1]
+        way, rate = float(self.way(time)), float(self._rate(time))
+        bend, change = (float(value) for value in self.path.bend(way))
+        along, across = 1.0 - bend * side, bend * lever
+        steering = change * lever / (along**2 + across**2) * rate
+        length, pace, start = self._roll(lever, side)
+        return WheelWay(float(np.arctan2(across, along)), steering, float(length(way)) - start, float(pace(way)) * rate)
+
+    def _roll(self, lever: float, side: float) -> tuple[PPoly, PPoly, float]:
+        """Return the way of a wheel over the way of the rear axle, its derivative, and its value at the start."""
+        if (lever, side) not in self._rolled:
+            low, high = self.path.bounds
+            ways = self.way(np.linspace(self.start, self.stop, 65))
+            ends = max(float(ways.min()) - 1.0, low), min(float(ways.max()) + 1.0, high)
+            knots = np.linspace(*ends, max(int((ends[1] - ends[0]) / ROLLING), 3) + 1)
+            bend = self.path.bend(knots)[0]
+            pace = CubicSpline(knots, np.hypot(1.0 - bend * side, bend * lever))
+            length = pace.antiderivative()
+            self._rolled[lever, side] = length, pace, float(length(self.way(self.start)))
+        return self._rolled[lever, side]
 
     def speed(self, times: npt.ArrayLike) -> Array:
         """Return the speed of the rear axle [m/s] at times (N,) [s]."""

@@ -13,7 +13,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
 from scarl_sionna.scene.lanes import LaneNetwork
-from scarl_sionna.scene.motion.trajectory import Trajectory, forward_speeds
+from scarl_sionna.scene.motion.trajectory import Trajectory, WheelWay, forward_speeds, wheel_way
 
 Array = npt.NDArray[np.float64]
 Ground = Callable[[Array], Array]
@@ -109,6 +109,10 @@ class PresentTrajectory:
     def twist(self, time: float) -> Twist:
         """Return the velocity of the motion at a time [s]."""
         return self.motion.twist(time)
+
+    def wheel_way(self, time: float, place: tuple[float, float]) -> WheelWay | None:
+        """Return where a wheel of the motion points and how far it has rolled; None where the motion does not say."""
+        return wheel_way(self.motion, time, place)
 
     def forward_speeds(self, times: Array) -> Array:
         """Return the speeds of the motion along its heading [m/s] at times (N,) [s]."""

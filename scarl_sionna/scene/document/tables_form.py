@@ -42,6 +42,7 @@ class _Joint(Table):
     shapes: list[Text] = Field(default_factory=list)
     center: list[Number] = Field(default_factory=list)
     radius: Number = 0.0
+    steered: bool = False
     height: Number = 0.0
 
 

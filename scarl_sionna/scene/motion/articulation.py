@@ -21,7 +21,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from .footprints import FootPrints, Ground, steps_forward
 from .gait import SEGMENTS, WalkingGait, walking_gait
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
-from .trajectory import Motion, Trajectory, forward_speeds, known_until
+from .trajectory import Motion, Trajectory, WheelWay, forward_speeds, known_until, wheel_way
 
 PHASES = 16
 """Phases of a gait at which a walker's box is measured: between them a limb goes less than 2 % of its swing farther."""
@@ -36,6 +36,7 @@ _PEDALLING = re.compile(rf"(?:^|_)({'|'.join(PEDALLING_SEGMENTS)})(?:_[a-z]+)?$"
 _legs = lru_cache(maxsize=64)(PedallingLegs)
 """Riders of the same measures have the same legs: their reach is checked once."""
 _AXLE = np.array([0.0, 1.0, 0.0])
+_KINGPIN = np.array([0.0, 0.0, 1.0])
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
@@ -198,6 +199,10 @@ class Rolling:
             self._last = time, found
         return found
 
+    def steered(self, time: float, center: npt.NDArray[np.float64]) -> WheelWay | None:
+        """Return how a steered wheel goes; None where nobody knows the bend."""
+        return wheel_way(self._trajectory, time, (float(center[0]), float(center[1])))
+
 
 def _nearest_turn(yaw: float, near: float) -> float:
     """Return an angle with the full turns added that bring it nearest to another [rad]."""
@@ -216,17 +221,26 @@ class Wheel:
         Middle of the axle in the actor's frame [m].
     radius : float
         Rolling radius [m].
+    steered : bool
+        Whether it turns about an upright kingpin through its middle, to where that goes, on a trajectory that knows its
+        bends (`wheel_way`).
     """
 
     shapes: tuple[str, ...]
     center: npt.NDArray[np.float64]
     radius: float
     rolling: Rolling
+    steered: bool = False
     changes_shape: bool = False
     reach: None = None
 
     def motions(self, time: float) -> dict[str, Motion]:
-        """Return the turn about the axle: angle = way of the wheel / radius."""
+        """Return the turn about the axle, angle = way of the wheel / radius, and about the kingpin."""
+        bend = self.rolling.steered(time, self.center) if self.steered else None
+        if bend is not None:
+            hub = Motion(Pose(self.center)).then(Motion.about(_KINGPIN, bend.angle, bend.rate))
+            hub = hub.then(Motion.about(_AXLE, bend.rolled / self.radius, bend.speed / self.radius))
+            return dict.fromkeys(self.shapes, hub.then(Motion(Pose(-self.center))))
         way, turned, speed, yaw_rate = self.rolling.at(time)
         angle, rate = (way - self.center[1] * turned) / self.radius, (speed - self.center[1] * yaw_rate) / self.radius
         turn = Motion.about(_AXLE, angle, rate).pose
@@ -336,10 +350,10 @@ def joints_from_tables(
     Parameters
     ----------
     tables : sequence of mapping
-        ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius), ``walk`` (height[, phase]) and
-        ``pedal`` (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The shapes of the last two
-        are those of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for instance
-        ``walker_head_hair``.
+        ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius[, steered]), ``walk``
+        (height[, phase]) and ``pedal`` (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The
+        shapes of the last two are those of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for
+        instance ``walker_head_hair``.
     actor : str
         Whose joints they are, for error messages.
     shapes : sequence of str
@@ -382,7 +396,7 @@ def _check_keys(table: Mapping[str, Any], what: str, required: set[str], optiona
 
 
 def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], rolling: Rolling) -> Wheel:
-    _check_keys(table, what, {"shapes", "center", "radius"}, set())
+    _check_keys(table, what, {"shapes", "center", "radius"}, {"steered"})
     if unknown := [shape for shape in table["shapes"] if shape not in shapes]:
         raise UnknownNameError(f"shape of {what}", str(unknown[0]), shapes)
     center, radius = np.asarray(table["center"], dtype=np.float64), float(table["radius"])
@@ -390,7 +404,7 @@ def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], rolling: 
         raise ParameterRangeError(f"{what}.center", table["center"], "three finite coordinates [m]")
     if not (np.isfinite(radius) and radius > 0.0):
         raise ParameterRangeError(f"{what}.radius", f"{radius} m", "> 0 m")
-    return Wheel(tuple(table["shapes"]), center, radius, rolling)
+    return Wheel(tuple(table["shapes"]), center, radius, rolling, bool(table.get("steered", False)))
 
 
 def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Walk:

@@ -23,7 +23,8 @@ class Trajectory(Protocol):
 
     A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for
     many times at once, a method ``is_present(time)``, which is False while the body is not in the scene: it then has no
-    box, and an attribute ``known_until``, see the function of that name.
+    box, a method ``wheel_way(time, place)``, see the function of that name, where it knows its bends also while it
+    stands, and an attribute ``known_until``, see the function of that name.
     """
 
     @property
@@ -50,6 +51,25 @@ def is_present(trajectory: Trajectory, time: float) -> bool:
 def known_until(trajectory: Trajectory) -> float:
     """Return the time [s] up to which a trajectory will not change: infinite for one that does not say."""
     return float(getattr(trajectory, "known_until", np.inf))
+
+
+@dataclass(frozen=True)
+class WheelWay:
+    """Where a wheel that follows the way of its middle points, and how far it has rolled, with their derivatives.
+
+    `angle` [rad] to the left of the body's x axis and `rate` [rad/s]; `rolled` [m] since the start and `speed` [m/s].
+    """
+
+    angle: float
+    rate: float
+    rolled: float
+    speed: float
+
+
+def wheel_way(trajectory: Trajectory, time: float, place: tuple[float, float]) -> WheelWay | None:
+    """Return how a wheel at x, y of a body [m] goes at a time [s]; None for a trajectory that does not say."""
+    says = getattr(trajectory, "wheel_way", None)
+    return None if says is None else says(time, place)
 
 
 def forward_speeds(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[np.float64]:
