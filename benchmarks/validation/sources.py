@@ -55,6 +55,11 @@ SOURCES = {
         "abstracts",
     ),
     "belgiovane": Source("Belgiovane, Chen, EuCAP 2016, bicycle with rider", "measured", _MATHWORKS),
+    "acea": Source(
+        "ACEA, bicyclist target specifications, 2018 (after the CATS/4a consortium's of 2016)",
+        "standard",
+        "second hand: A. Nielsen, bicycle radar corner reflector, apnielsen.com, 2024",
+    ),
     "bicyclist": Source("T. Wengerter, Bicyclist.m, called measured there, +-3 dB", "measured", _WENGERTER),
     "geary": Source("Geary, motorcycle, as quoted by T. Wengerter in Bicyclist.m, +-3 dB", "measured", _WENGERTER),
     "cars": Source(
@@ -79,7 +84,9 @@ SOURCES = {
         "measured",
         "abstract; second hand: indices of refraction in OpenMATERIAL, issue 10",
     ),
-    "foliage_73": Source("Rappaport, Deng, 73 GHz foliage, IEEE ICC Workshops 2015", "measured", "abstract"),
+    "foliage_73": Source(
+        "Rappaport, Deng, 73 GHz foliage and ground reflection, IEEE ICC Workshops 2015", "measured", "abstract"
+    ),
     "foliage_80": Source("Zavorka et al., IEEE Access, 2024, tree in leaf against bare", "measured", "abstract"),
     "birmingham": Source(
         "literature cited in the introduction of Sensors 21(9), 2954, 2021", "measured", "abstract and introduction"
