@@ -34,7 +34,8 @@ NOTHING = {
     "two-ray fading, guardrails, poles, signs, manhole covers, bridges": "no measured number at 77 GHz was found; "
     "closed forms stand in [accuracy](accuracy.md)",
     "lorries and buses in dBsm; children": "no measured number at 77 GHz was found",
-    "corridors of test targets (ISO 19206), bulletins of Euro NCAP": "not public, or not found",
+    "corridors of test targets (ISO 19206), bulletins of Euro NCAP": "not public, or not found, but for a cyclist from "
+    "behind",
     "people at 24 GHz (-5.6 to -3.8 dBsm, JRC)": "the materials have no data there; the simulator refuses",
     "0.5 mm of water on a radome (2 to 4 dB), snow and ice on it (5 to 15 dB)": "the text that states it has no source",
     "azimuth resolution of TI's cascade": "its definition was not found",
