@@ -120,7 +120,7 @@ def export(
         list[str],
         typer.Argument(
             metavar="SCENARIO...",
-            help="Scenario files (.yaml, .json), names of ready scenarios or of scenes.",
+            help="Scenario files (.yaml, .json, .xosc), names of ready scenarios or of scenes.",
             autocompletion=completing(ready_names),
         ),
     ],

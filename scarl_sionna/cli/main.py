@@ -68,7 +68,7 @@ def demo(
     scenario: Annotated[
         str | None,
         typer.Option(
-            help="Scenario file (.yaml, .json) or the name of a ready scenario; the other options win over it.",
+            help="Scenario file (.yaml, .json, .xosc) or the name of a ready scenario; the other options win over it.",
             autocompletion=completing(scenario_names),
         ),
     ] = None,

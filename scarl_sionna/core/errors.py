@@ -347,6 +347,10 @@ class ScenarioValueError(ScenarioError):
     """A value is of another type or unit, or outside its range."""
 
 
+class UnsupportedElementError(ScenarioError):
+    """An element of an OpenSCENARIO file would decide motion and is not read; the remedy says what would do."""
+
+
 class ScenarioNameError(ScenarioError, UnknownNameError):
     """A scene, an actor model, a lane or another name is not known."""
 

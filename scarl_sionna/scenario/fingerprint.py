@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .compose import Composition
+from .openscenario.drive import SUFFIX, files_of
 from .randomize import RANGES_FILE
 from .spec.actors import RandomizationSpec
 from .spec.scenario import ScenarioSpec
@@ -59,7 +60,12 @@ def _contents(spec: ScenarioSpec, plain: dict[str, Any]) -> dict[str, Any]:
 
 
 def _checksum_of(path: Path) -> str:
-    """Return the checksum of a file, or of all files of an actor model by its folder or ``actor.toml``."""
+    """Return the checksum of a file, or of all files of an actor model by its folder or ``actor.toml``.
+
+    An OpenSCENARIO file's is that of its catalogs, too.
+    """
+    if path.suffix == SUFFIX:
+        return hashlib.sha256(" ".join(_sha256(one) for one in files_of(path)).encode()).hexdigest()
     folder = path.parent if path.name == "actor.toml" else path
     if not folder.is_dir():
         return _sha256(path)

@@ -29,6 +29,8 @@ from .checks.collisions import find_collisions
 from .checks.spec import PATH_OF_TRAFFIC, STEP, body_of_entry, moving_of
 from .motion.bodies import BodyLike
 from .motion.motions import MARGIN, Setting
+from .openscenario.actors import actor_name, planned_actors
+from .openscenario.drive import read_drive
 from .randomize import draw_look
 from .spec.actors import TrafficSpec
 from .spec.light import name_error
@@ -110,7 +112,12 @@ def _planned(
         return _apart(run_sumo(lanes, span, traffic, conversion=Conversion(setting.network)), given, setting)
     file = _file(spec, traffic)
     taken = _driven_by(spec, file)
-    if source == "osi":
+    if source == "openscenario":
+        drive = read_drive(file, setting.street)
+        _check_overlap(spec, traffic, (0.0, drive.run.stop), setting)
+        found = planned_actors(drive, span)
+        taken = {None if one is None else actor_name(one) for one in taken | ({drive.hero} if HOST in taken else set())}
+    elif source == "osi":
         start, stop, host = about_trace(file)
         _check_overlap(spec, traffic, (start, stop), setting)
         found = read_osi(file, span=span, conversion=Conversion(setting.network))

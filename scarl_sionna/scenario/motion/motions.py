@@ -21,6 +21,8 @@ from scarl_sionna.core.errors import (
     UnknownNameError,
 )
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.scenario.openscenario.actors import entity_tracks
+from scarl_sionna.scenario.openscenario.drive import SUFFIX
 from scarl_sionna.scenario.randomize import Jitter
 from scarl_sionna.scenario.spec.light import name_error
 from scarl_sionna.scenario.spec.motion import (
@@ -35,6 +37,7 @@ from scarl_sionna.scenario.spec.motion import (
     TrajectorySpec,
     WaypointsSpec,
 )
+from scarl_sionna.scene.document.find import MAP_SUFFIX
 from scarl_sionna.scene.lanes import Lane, LaneNetwork
 from scarl_sionna.scene.motion.trajectory import (
     ConstantTwistTrajectory,
@@ -74,6 +77,11 @@ class Setting:
     first: float
     last: float
     find: Callable[[str], Path]
+
+    @property
+    def street(self) -> Path | None:
+        """The map that the scene is made of; None where it is made of none."""
+        return self.find(self.scene) if self.scene.endswith(MAP_SUFFIX) else None
 
     @property
     def start(self) -> float:
@@ -331,8 +339,11 @@ def _static(spec: StaticSpec, setting: Setting, place: PlaceOf, jitter: Jitter) 
 
 
 def _table(spec: TableSpec, name: str, setting: Setting, place: PlaceOf) -> Trajectory:
-    tracks = tracks_of(setting.find(spec.file), setting.network, place("file"))
-    wanted = spec.id or name
+    path, wanted = setting.find(spec.file), spec.id or name
+    if path.suffix.lower() == SUFFIX and path.is_file():
+        tracks = entity_tracks(path, setting.street)
+    else:
+        tracks = tracks_of(path, setting.network, place("file"))
     if wanted not in tracks:
         error = UnknownNameError("track", wanted, tracks)
         raise name_error(error, place("id") if spec.id else place("file"))

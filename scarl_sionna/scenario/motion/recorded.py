@@ -70,7 +70,9 @@ class Smoothed:
     num_lane_changes: int
 
 
-def smooth_record(record: Record, body: ActorBody, span: tuple[float, float] | None = None) -> Smoothed:
+def smooth_record(
+    record: Record, body: ActorBody, span: tuple[float, float] | None = None, knot_time: float = KNOT_TIME
+) -> Smoothed:
     """Return a smooth motion for recorded samples.
 
     Parameters
@@ -81,6 +83,8 @@ def smooth_record(record: Record, body: ActorBody, span: tuple[float, float] | N
     span : (float, float) or None
         Times [s] at which the motion shall be known at least; outside those of the record, the body goes straight on
         with the speed that it has; vehicles come to the same speed within 3 s. None: the times of the record.
+    knot_time : float
+        Least time between the knots of the way [s].
 
     Returns
     -------
@@ -96,7 +100,7 @@ def smooth_record(record: Record, body: ActorBody, span: tuple[float, float] | N
     -----
     A sideways step of more than 0.8 m between two samples is a lane change: it is replaced by the quintic step over the
     way driven in 3 s (at least 12 m) round it. The way is a monotone C2 curve (:func:`smooth_way`) through samples at
-    least 0.5 s apart.
+    least `knot_time` apart.
     """
     times, points = np.asarray(record.times, dtype=np.float64), np.asarray(record.points, dtype=np.float64)
     headings = np.unwrap(np.asarray(record.headings, dtype=np.float64))
@@ -127,7 +131,7 @@ def smooth_record(record: Record, body: ActorBody, span: tuple[float, float] | N
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[kept], axis=0), axis=1))])
     ways = path.way_of(np.interp(way, way[kept], chord))
     rear = ways - record.ahead + body.rear_axle
-    knots = _apart(times, KNOT_TIME)
+    knots = _apart(times, knot_time)
     curve = smooth_way(times[knots], rear[knots])
     trajectory = PathTrajectory(path, curve, body, name=record.name)
     off_path = np.linalg.norm(path.at(ways) - points, axis=1)

@@ -61,8 +61,8 @@ def read_table(
     path : str or Path
         ``.csv`` or ``.parquet`` with the columns ``time`` [s], ``id``, ``x``, ``y`` [m], and, where wanted, ``z`` [m],
         ``yaw_deg`` [deg], ``speed`` [m/s] (not used: speeds are derivatives) and ``model``; floating car data of SUMO
-        (``.xml``, ``.xml.gz``); a trace of ASAM OSI (``.osi``, ``.mcap``), whose host vehicle is called ``ego``; or a
-        scenario of CommonRoad (``.xml``).
+        (``.xml``, ``.xml.gz``); a trace of ASAM OSI (``.osi``, ``.mcap``), whose host vehicle is called ``ego``; a
+        scenario of CommonRoad (``.xml``) or of ASAM OpenSCENARIO (``.xosc``).
     ground, models
         Heights where a table has none, and bodies by model name, as for :func:`read_fcd`.
 
@@ -109,9 +109,9 @@ def read_table_actors(
         found = read_osi(path, conversion=Conversion(ground, models=models))
         return [replace(actor, name=HOST) if actor.name == host else actor for actor in found]
     if path.suffix.lower() == ".xosc":
-        raise TrajectoryFileError(
-            "OpenSCENARIO is not read", path, "write the motion as CSV, or run it in a player that writes positions"
-        )
+        from scarl_sionna.scenario.openscenario.actors import read_openscenario
+
+        return read_openscenario(path, models=models)
     if path.suffix.lower() not in (".csv", ".parquet"):
         raise TrajectoryFileError(
             f"the format '{path.suffix}' is not known", path, "give .csv, .parquet, .xml, .xml.gz, .osi or .mcap"

@@ -80,9 +80,11 @@ class ActorSpec(_Body):
 class TrafficSpec(Spec):
     """Others on the road: simulated here, by SUMO, or read from a file."""
 
-    source: Literal["built_in", "sumo", "fcd", "osi", "commonroad"] = "built_in"
+    source: Literal["built_in", "sumo", "fcd", "osi", "commonroad", "openscenario"] = "built_in"
     file: str | None = Field(
-        None, description="FCD, trace of OSI, CommonRoad or SUMO's configuration, relative to the scenario's file"
+        None,
+        description="FCD, trace of OSI, CommonRoad, OpenSCENARIO or SUMO's configuration, relative to the scenario's "
+        "file",
     )
     density: Annotated[float, Unit("1/km")] = Field(
         10.0, ge=0.0, le=150.0, description="vehicles on a kilometre of lane [1/km]"
@@ -102,10 +104,10 @@ class TrafficSpec(Spec):
 
     @model_validator(mode="after")
     def _check(self) -> TrafficSpec:
-        if self.file is None and self.source in ("fcd", "osi", "commonroad"):
+        if self.file is None and self.source in ("fcd", "osi", "commonroad", "openscenario"):
             raise ValueError(f"a `file` with source {self.source}")
         if self.file is not None and self.source == "built_in":
-            raise ValueError("source sumo, fcd, osi or commonroad with a `file`")
+            raise ValueError("source sumo, fcd, osi, commonroad or openscenario with a `file`")
         if self.mix is not None and not sum(self.mix.values()) > 0.0:
             raise ValueError("a `mix` with a share above 0")
         return self

@@ -151,9 +151,9 @@ class StaticSpec(Spec):
 
 
 class TableSpec(Spec):
-    """The motion that a file holds: CSV or Parquet, SUMO's floating car data, a trace of OSI, or CommonRoad.
+    """The motion that a file holds: CSV or Parquet, SUMO's floating car data, OSI, CommonRoad, or OpenSCENARIO.
 
-    In a trace of OSI the host vehicle is also called ``ego``.
+    The host vehicle of a trace of OSI and the ego vehicle of OpenSCENARIO are also called ``ego``.
     """
 
     kind: Literal["table"] = "table"

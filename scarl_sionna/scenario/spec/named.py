@@ -10,7 +10,7 @@ from scarl_sionna.scene.document.find import find_scene, scene_names
 
 from .scenario import ScenarioSpec, scenario_names
 
-SCENARIO_FILES = (".yaml", ".yml", ".json")
+SCENARIO_FILES = (".yaml", ".yml", ".json", ".xosc")
 """Suffixes of scenario files."""
 
 

@@ -196,7 +196,7 @@ class ScenarioSpec(Spec):
 
     @classmethod
     def load(cls, path: str | Path) -> ScenarioSpec:
-        """Return the scenario of a YAML or JSON file; a key left out keeps its default.
+        """Return the scenario of a YAML or JSON file, where a key left out keeps its default, or of OpenSCENARIO XML.
 
         Raises
         ------
@@ -204,7 +204,14 @@ class ScenarioSpec(Spec):
             If the file is not readable, or a key or value is not allowed. It names file, line and key, and all that was
             found.
         """
-        data, origin = read_marked(Path(path))
+        path = Path(path)
+        if path.suffix.lower() == ".xosc":
+            from scarl_sionna.scenario.openscenario.actors import scenario_data
+
+            data, marks = scenario_data(path)
+            origin = Origin(str(path), path.resolve().parent, marks)
+        else:
+            data, origin = read_marked(path)
         if not isinstance(data, dict):
             raise ScenarioValueError(
                 "scenario file holds no mapping",

@@ -1,0 +1,181 @@
+"""Reads an OpenSCENARIO file and runs it: once for a file and a map."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from scarl_sionna.core.errors import MapError, ScarlWarning, ScenarioFileError
+
+from .reading.catalogs import Catalogs
+from .reading.entities import Entity, read_entities
+from .reading.environment import environment_of
+from .reading.source import Node, Problems, read_root
+from .roads.network import Roads, read_roads
+from .running.actions import Action
+from .running.registry import EnvironmentAction, read_global, read_private
+from .running.simulation import Run, Simulation
+from .running.storyboard import Storyboard
+
+SUFFIX = ".xosc"
+_HEROES = ("ego", "hero", "egovehicle", "ego_vehicle")
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A scenario that has run.
+
+    Attributes
+    ----------
+    path : Path
+    map_file : Path or None
+        The OpenDRIVE file of its roads.
+    roads : Roads or None
+    entities : dict
+        By name.
+    hero : str or None
+        Who is the ego vehicle: called so, else the first vehicle.
+    run : Run
+    surroundings : dict
+        `lighting` and `weather` as a scenario file states them, where it says something of them.
+    lines : dict
+        Lines of the parts that a scenario file has keys for.
+    findings : tuple of str
+        What has no effect, with its lines.
+    """
+
+    path: Path
+    map_file: Path | None
+    roads: Roads | None
+    entities: dict[str, Entity]
+    hero: str | None
+    run: Run
+    surroundings: dict[str, Any]
+    lines: dict[str, int]
+    findings: tuple[str, ...]
+
+
+def read_drive(path: str | Path, map_file: str | Path | None = None) -> Drive:
+    """Return a scenario that has run, from the cache where file and map are the same.
+
+    Parameters
+    ----------
+    path : str or Path
+        OpenSCENARIO XML, 1.0 to 1.3.
+    map_file : str, Path or None
+        Another OpenDRIVE file than the one that it names.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read, holds what would decide motion and is not read, or a value of it cannot be; it names
+        file and line, and all that was found when reading.
+
+    Warns
+    -----
+    ScarlWarning
+        If something has no effect.
+    """
+    path = Path(path)
+    chosen = None if map_file is None else Path(map_file)
+    return _cached(path, _stamp(path), chosen, None if chosen is None else _stamp(chosen))
+
+
+def files_of(path: Path) -> list[Path]:
+    """Return an OpenSCENARIO file with those of its catalogs.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read.
+    """
+    return [path, *Catalogs(read_root(path, Problems()).declared()).files()]
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    try:
+        found = path.stat()
+    except OSError:
+        return (0, 0)
+    return (found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(maxsize=8)
+def _cached(path: Path, stamp: tuple[int, int], map_file: Path | None, map_stamp: tuple[int, int] | None) -> Drive:
+    problems = Problems()
+    root = read_root(path, problems).declared()
+    if root.child("Catalog") is not None:
+        raise root.need("Catalog").unsupported("give the scenario that refers to it", "is a catalog, no scenario")
+    catalogs = Catalogs(root)
+    found_map, roads = _roads(root, map_file)
+    entities = read_entities(root, catalogs)
+    board = root.need("Storyboard")
+    init = _init(board, catalogs)
+    storyboard = Storyboard(board, catalogs, entities)
+    problems.check()
+    surroundings: dict[str, Any] = {}
+    for action, _ in init:
+        if isinstance(action, EnvironmentAction):
+            surroundings |= environment_of(action.node, catalogs)
+    hero = _hero(entities)
+    simulation = Simulation(roads, entities, dict(root.scope), storyboard, hero)
+    simulation.start(init)
+    run = simulation.simulate()
+    if not run.reason.startswith("StopTrigger"):
+        board.note(f"ends at {run.stop:.4g} s: {run.reason}")
+    for name, entity in entities.items():
+        if not run.tracks[name]:
+            entity.node.note(f"'{name}' is never given a place and is not there")
+    if problems.findings:
+        more = f" and {len(problems.findings) - 1} more" if len(problems.findings) > 1 else ""
+        warnings.warn(f"{problems.findings[0]}{more}", ScarlWarning, stacklevel=4)
+    lines = {"scene": root.need("RoadNetwork").line, "traffic": root.need("Entities").line}
+    if hero is not None:
+        lines["ego"] = entities[hero].node.line
+    return Drive(path, found_map, roads, entities, hero, run, surroundings, lines, tuple(problems.findings))
+
+
+def _roads(root: Node, map_file: Path | None) -> tuple[Path | None, Roads | None]:
+    network = root.need("RoadNetwork")
+    logic = network.child("LogicFile")
+    place = network.place
+    if map_file is None:
+        if logic is None:
+            return None, None
+        place = logic.place
+        map_file = root.file.parent / logic.text("filepath")
+        if map_file.suffix != ".xodr":
+            raise logic.unsupported("give an OpenDRIVE map (.xodr)", f"filepath = '{map_file.name[:60]}' is not read")
+    try:
+        return map_file, read_roads(map_file)
+    except MapError as error:
+        remedy = "" if error.line else "correct it, or name another map as `scene` of a scenario file"
+        raise ScenarioFileError(str(error), place, remedy, value=map_file) from error
+
+
+def _init(board: Node, catalogs: Catalogs) -> list[tuple[Action, str]]:
+    """Return the actions of <Init> with their actors."""
+    found: list[tuple[Action, str]] = []
+    init = board.child("Init")
+    holder = None if init is None else init.child("Actions")
+    for node in [] if holder is None else holder.children():
+        with node.problems.collected():
+            if node.tag == "GlobalAction":
+                found += [(action, "") for action in read_global(node, catalogs)]
+            elif node.tag == "Private":
+                actor = node.text("entityRef")
+                for one in node.children("PrivateAction"):
+                    with node.problems.collected():
+                        found += [(action, actor) for action in read_private(one, catalogs)]
+            else:
+                raise node.unsupported("GlobalAction and Private are read here")
+    return found
+
+
+def _hero(entities: dict[str, Entity]) -> str | None:
+    vehicles = [name for name, one in entities.items() if one.kind == "vehicle" and one.category != "trailer"]
+    named = [name for name in vehicles if name.lower() in _HEROES]
+    return next(iter(named or vehicles), None)
