@@ -235,7 +235,9 @@ WHY = {
     "below the strongest, which their devices do not list; those within 15 dB of it spread by 0.46 m/s, and so do the "
     "3 to 5 points from 25 to 40 m on (0.37)",
     "points_object": "weak points, which their devices do not list: the lorry has 12.9, the others 3.4 to 5.1; within "
-    "15 dB of the strongest there are 3.2",
+    "15 dB of the strongest there are 3.2. By what rule their devices leave them out was looked for and not found "
+    "(pages of the data set on sensors and labels; its author says that the maker's sensor computes what it lists), "
+    "so nothing is cut off here",
     "rcs_large_vehicle": "which points count: of the strongest of each look it is 16.9 dB (a lorry's flat rear), of "
     "those within 15 dB 11.4",
 }
