@@ -1,6 +1,6 @@
 """Statistics of radar points beside RadarScenes: a radar like theirs in traffic of five places, `auto`, draft.
 
-    python benchmarks/point_clouds.py frames        30 frames into build/point_clouds, 20 min; goes on
+    python benchmarks/point_clouds.py frames [--each 6]      30 frames into build/point_clouds, 20 min; goes on
     python benchmarks/point_clouds.py table [--write docs/statistics.md]
 
 RadarScenes (arXiv 2104.02493): four radars alike, 100 m, 60 deg to each side, 0.15 m, 0.1 km/h, 0.5 to 2 deg. That
@@ -40,8 +40,8 @@ MOUNT = ss.Pose.from_euler([2.3, 0.7, 0.6], yaw=np.radians(25.0))
 RIG = ss.Rig("like_radarscenes", [SensorMount("corner/radar", "radar", RADAR, MOUNT, ss.RadarSettings.preset("draft"))])
 
 
-def scenarios() -> list[ScenarioSpec]:
-    """Return the drives: six frames in six seconds each, at seeds that nothing was tuned on."""
+def scenarios(each: int) -> list[ScenarioSpec]:
+    """Return the drives: so many frames in six seconds each, at seeds that nothing was tuned on."""
     found, rig = [], STORE.with_suffix(".rig.yaml")
     rig.parent.mkdir(exist_ok=True)
     RIG.save(rig)
@@ -53,8 +53,8 @@ def scenarios() -> list[ScenarioSpec]:
             "name": place,
             "seed": 900 + number,
             "rig": str(rig),
-            "frame_rate": 1.0,
-            "num_frames": 6,
+            "frame_rate": each / 6.0,
+            "num_frames": each,
             "duration": None,
         }
         found.append(spec.with_(traffic=TRAFFIC | changes, **drive))
@@ -86,9 +86,14 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("what", choices=("frames", "table"))
     parser.add_argument("--write", type=Path, metavar="PAGE")
+    parser.add_argument("--each", type=int, default=6, help="frames of a place")
     arguments = parser.parse_args()
     if arguments.what == "frames":
-        print(ss.export(scenarios(), STORE, on_progress=lambda done, total: print(done, "of", total, flush=True)))
+        print(
+            ss.export(
+                scenarios(arguments.each), STORE, on_progress=lambda done, total: print(done, "of", total, flush=True)
+            )
+        )
     elif arguments.write is None:
         print(table())
     else:
