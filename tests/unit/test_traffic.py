@@ -16,7 +16,8 @@ from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.profiles import SpeedProfile
 from scarl_sionna.scenario.motion.routes import Route
 from scarl_sionna.scenario.spec.actors import TrafficSpec
-from scarl_sionna.scenario.traffic.drivers import CRITICAL_HEADWAY, Driver
+from scarl_sionna.scenario.traffic.driver import Driver
+from scarl_sionna.scenario.traffic.drivers import CRITICAL_HEADWAY
 from scarl_sionna.scenario.traffic.planned import PlannedActor
 from scarl_sionna.scenario.traffic.simulated import simulate_traffic
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables

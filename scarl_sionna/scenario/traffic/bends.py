@@ -11,6 +11,7 @@ from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scenario.motion.paths import SmoothPath
 from scarl_sionna.scenario.motion.routes import smoothing_of
 
+from .lane_changes import Legs, changed_line
 from .tracks import Track
 
 Array = npt.NDArray[np.float64]
@@ -25,6 +26,8 @@ _CRAWL = 1.0
 """Speed at which any bend is taken [m/s]."""
 _SAMPLE = 0.5
 """Distance of the places at which a bend is looked at [m]."""
+_MORE = 12.0
+"""How much longer than what is driven a path is at both ends [m]."""
 _ROOM = 5.0
 """Step of the lengths by which paths go on straight before the first and after the last point [m]."""
 
@@ -44,6 +47,28 @@ class RoutePaths:
             points = line_of([self._tracks[index] for index in route])[0]
             self._known[key] = SmoothPath(points, key[1], (room, room))
         return self._known[key]
+
+    def changed(self, driver: Legs, body: ActorBody, span: tuple[float, float]) -> tuple[SmoothPath, Array, Array]:
+        """Return the path of a way with lane changes, and pairs of the driver's way and the distance along its points.
+
+        Each of shape (N,) [m]; `span` are the first and the last way of the rear axle [m].
+        """
+        points, ways = changed_line(self._tracks, driver)
+        first, last = np.searchsorted(ways, [span[0] - _MORE, span[1] + body.length + _MORE])
+        kept = slice(max(int(first) - 1, 0), int(last) + 1)
+        points, ways = points[kept], ways[kept]
+        room = _ROOM * float(np.ceil((body.length + 1.0) / _ROOM))
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        return SmoothPath(points, smoothing_of(body), (room, room)), ways, along
+
+    def lateral(self, track: int, body: ActorBody, fronts: Array, speed: float) -> float:
+        """Return the largest lateral acceleration [m/s^2] at a speed [m/s] on fronts (N,) [m] of a track."""
+        return float(_PLANNED * (speed / bend_speeds(self.path([track], body), body, fronts).min()) ** 2)
+
+
+def along_line(way: Array, ways: Array, along: Array) -> Array:
+    """Return distances along a line of points for ways of a driver, straight on beyond its ends [m]."""
+    return np.interp(way, ways, along) + np.minimum(way - ways[0], 0.0) + np.maximum(way - ways[-1], 0.0)
 
 
 def line_of(route: Sequence[Track]) -> tuple[Array, Array]:

@@ -1,171 +1,51 @@
-"""Drivers: the Intelligent Driver Model along tracks, with signals, right of way, and one at a time where ways cross.
+"""All drivers together: who follows whom, signals, right of way, lane changes, and one at a time where ways cross.
 
 References
 ----------
-.. [1] M. Treiber, A. Hennecke, D. Helbing, Congested traffic states in empirical observations and microscopic
-   simulations, Phys. Rev. E 62, 1805, 2000 (the model and its parameters).
-.. [2] Highway Capacity Manual, 2010, ch. 21: a critical headway of 4.1 to 5.2 s of drivers who enter a roundabout.
+.. [1] Highway Capacity Manual, 2010, ch. 21: a critical headway of 4.1 to 5.2 s of drivers who enter a roundabout.
 """
 
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from bisect import insort
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scene.lanes import Signals
 
-from .bends import RoutePaths, bend_speeds
+from .bends import RoutePaths
+from .driver import FIRM_BRAKING, Driver
+from .lane_changes import (
+    DURATION,
+    GIVEN_HEADWAY,
+    GIVEN_TIME,
+    NEAREST,
+    PAUSE,
+    SHORTEST,
+    SLOWEST,
+    STRAIGHT,
+    TOO_FAST,
+    has_room,
+    is_clear,
+    is_wanted,
+)
 from .tracks import Track, TrackGraph
-
-Array = npt.NDArray[np.float64]
 
 CRITICAL_HEADWAY = 4.5
 """Time that a vehicle with the right of way must be away for another one to go first [s]."""
-HARDEST_BRAKING, FIRM_BRAKING = 8.0, 4.0
-"""What brakes can give, and what a driver brakes with at a signal that has just turned red [m/s^2]."""
-_JERK, _EMERGENCY_JERK = 6.0, 25.0
-_RELEASE_JERK, _STOP_JERK = 12.0, 8.0
-"""How fast brakes are let go when the way is free, and towards a stop [m/s^3]."""
-_HALT = 0.3
-"""Time before a stop at which its last moments begin [s]."""
 _SETTING_OFF = 1.5
 """Acceleration that is expected of a driver who has the right of way and may set off [m/s^2]."""
-_EASE = 0.75
-"""Share of the braking of the model with which drivers slow down for bends and limits."""
-_LOOK = 0.6
-"""How far ahead drivers look for the speed that they shall have [s]: what it takes to step on the brake."""
 _HORIZON = 120.0
 """How far ahead a driver looks for others [m]."""
-
-
-@dataclass
-class Driver:
-    """A vehicle or a pedestrian on a route of tracks; `way` is that of the front, along the route [m].
-
-    `headway` T [s], `acceleration` a, `braking` b [m/s^2], `gap` s0 [m] and `share` of the speed limit are those of the
-    model.
-    """
-
-    body: ActorBody
-    route: list[int]
-    way: float
-    speed: float
-    headway: float
-    acceleration: float
-    braking: float
-    gap: float
-    share: float
-    top_speed: float
-    starts: list[float] = field(default_factory=list)
-    limits: Array = field(default_factory=lambda: np.zeros(0))
-    pull: float = 0.0
-    place: int = 0
-    held: dict[int, tuple[int, float]] = field(default_factory=dict)
-    blocked_end: bool = False
-    history: list[tuple[float, float, float]] = field(default_factory=list)
-    halting: list[tuple[float, float, float]] = field(default_factory=list)
-
-    def prepare(self, tracks: Sequence[Track], paths: RoutePaths) -> None:
-        """Fill the start of each track along the route, and the speed [m/s] at which each metre is driven."""
-        lengths = [tracks[index].length for index in self.route]
-        self.starts = [0.0, *np.cumsum(lengths).tolist()]
-        ways = np.arange(0.0, self.starts[-1] + 1.0)
-        limits = np.repeat([tracks[index].speed for index in self.route], np.diff(np.ceil(self.starts)).astype(int))
-        limits = np.append(limits, np.full(max(len(ways) - len(limits), 0), limits[-1]))[: len(ways)] * self.share
-        limits = np.minimum(limits, self.top_speed)
-        if tracks[self.route[0]].kind != "walk":
-            limits = np.minimum(limits, bend_speeds(paths.path(self.route, self.body), self.body, ways))
-        squares = limits**2  # braking in time: v(x)^2 <= v(x + 1)^2 + 2 b
-        for index in range(len(squares) - 2, -1, -1):
-            squares[index] = min(squares[index], squares[index + 1] + 2.0 * _EASE * self.braking)
-        self.limits = np.sqrt(squares)
-        self.place = bisect_right(self.starts, self.way) - 1
-
-    @property
-    def local(self) -> float:
-        """Way of the front on its present track [m]."""
-        return self.way - self.starts[self.place]
-
-    def follow(self, gap: float, closing: float, desired: float) -> float:
-        """Return the acceleration of the Intelligent Driver Model [m/s^2], Eqs. (2), (3) of [1]."""
-        free = 1.0 - (self.speed / max(desired, 0.1)) ** 4
-        if self.speed > desired:  # above what is wished: down at ease, not by the fourth power
-            free = -min((self.speed - desired) / max(desired, 0.1) * 3.0, self.braking / self.acceleration)
-        wished = self.gap + max(
-            0.0, self.speed * self.headway + self.speed * closing / (2.0 * math.sqrt(self.acceleration * self.braking))
-        )
-        return self.acceleration * (free - (wished / max(gap, 0.1)) ** 2)
-
-    def slow_down(self) -> float:
-        """Return the acceleration that is needed for the speeds of the route ahead [m/s^2], infinite where none is."""
-        ahead = max(_LOOK * self.speed, 2.0)
-        row = self.way + ahead
-        before = min(int(row), len(self.limits) - 2)
-        share = min(max(row - before, 0.0), 1.0)
-        wanted = float(self.limits[before] * (1.0 - share) + self.limits[before + 1] * share)
-        return (wanted**2 - self.speed**2) / (2.0 * ahead) if wanted < self.speed else math.inf
-
-    def advance(self, wish: float, step: float) -> None:
-        """Move on for a step of time [s].
-
-        The acceleration goes linearly to what is wished, as far as the jerk lets it.
-        """
-        if self._halt(wish, step):
-            return
-        jerk = _EMERGENCY_JERK if wish < -FIRM_BRAKING or self.pull < -FIRM_BRAKING else _JERK
-        pull = min(max(wish, -HARDEST_BRAKING), self.acceleration)
-        pull = min(
-            max(pull, self.pull - jerk * step), self.pull + max(jerk, _RELEASE_JERK if self.pull < 0.0 else 0.0) * step
-        )
-        if pull < 0.0:  # brakes are let go towards the stop, so that it is reached without a jolt
-            pull = max(pull, -math.sqrt(2.0 * _STOP_JERK * self.speed))
-        speed = self.speed + 0.5 * (self.pull + pull) * step
-        if speed < 0.02 and wish <= 0.0:
-            self.way += 0.4 * self.speed * step
-            self.speed = self.pull = 0.0
-        elif speed < 0.0:
-            self.way += 0.4 * self.speed * step
-            self.speed, self.pull = 0.0, 0.0
-        else:
-            self.way += self.speed * step + (2.0 * self.pull + pull) * step * step / 6.0
-            self.speed, self.pull = speed, pull
-
-    def _halt(self, wish: float, step: float) -> bool:
-        """Move on for a step of the last moments before a stop; return False where it is not as far as that.
-
-        Who brakes so hard that letting the brakes go does not keep it rolling, stops whatever it wishes. The speed is
-        the cubic of time that reaches rest without a jolt after a whole number of steps: about as long as brakes that
-        are let go evenly take, at most `_HALT`, and so short that the cubic goes through no speed backward.
-        """
-        if not self.halting:
-            evenly = 2.0 * self.speed / max(-self.pull, 1e-9)
-            is_slow = self.pull < 0.2 and self.speed < (0.3 if wish < -1.0 else 0.05)
-            must = self.pull < 0.0 and self.speed < self.pull**2 / (2.0 * _RELEASE_JERK)
-            if self.speed == 0.0 or not (must or (wish <= 0.0 and (evenly <= _HALT or is_slow))):
-                return False
-            longest = max(math.floor(1.5 * evenly / step + 1e-9), 1)
-            time = step * min(math.ceil(min(evenly, _HALT) / step - 1e-9), longest)
-            self.halting = _halt_states(self.speed, self.pull, time, step)
-        way, self.speed, self.pull = self.halting.pop(0)
-        self.way += way
-        return True
-
-
-def _halt_states(speed: float, pull: float, time: float, step: float) -> list[tuple[float, float, float]]:
-    """Return way in each step [m], and speed [m/s] and acceleration [m/s^2] at its end, up to rest after a time [s]."""
-    cubic = (2.0 * speed / time + pull) / time**2, -(3.0 * speed / time + 2.0 * pull) / time, pull, speed
-    ways = np.polynomial.polynomial.Polynomial([0.0, *(c / (n + 1.0) for n, c in enumerate(cubic[::-1]))])
-    speeds = ways.deriv()
-    ends = step * np.arange(round(time / step) + 1)
-    states = np.column_stack([np.diff(ways(ends)), speeds(ends[1:]), speeds.deriv()(ends[1:])])
-    states[-1, 1:] = 0.0
-    return [(way, now, rate) for way, now, rate in states.tolist()]
+_CONSIDER = 5
+"""Steps from one look at the lanes beside to the next."""
+Onward = Callable[[list[int], float], bool]
+"""Makes a route, of which the first track is given, as long as asked for [m]; returns whether it ends before."""
+_Near = tuple[tuple[float, float, int], tuple[float, float, int]]
+"""Who is ahead and who behind: gap [m], speed [m/s], number."""
 
 
 @dataclass(frozen=True)
@@ -196,12 +76,21 @@ class Crowd:
     signals : Signals or None
     obstacles : sequence of Obstacle
         Bodies that do not react.
+    onward, paths : callable and RoutePaths, optional
+        How routes go on after a lane change, and their paths; without them nobody changes lanes.
     """
 
     def __init__(
-        self, graph: TrackGraph, drivers: Sequence[Driver], signals: Signals | None, obstacles: Sequence[Obstacle] = ()
+        self,
+        graph: TrackGraph,
+        drivers: Sequence[Driver],
+        signals: Signals | None,
+        obstacles: Sequence[Obstacle] = (),
+        onward: Onward | None = None,
+        paths: RoutePaths | None = None,
     ) -> None:
         self.graph, self.drivers, self.signals, self.obstacles = graph, list(drivers), signals, list(obstacles)
+        self.onward, self.paths = onward, paths
         self.holders: list[dict[int, int]] = [{} for _ in range(graph.num_zones)]
         self._on: dict[int, list[tuple[float, float, float, int]]] = {}
         for number, driver in enumerate(self.drivers):
@@ -217,6 +106,8 @@ class Crowd:
 
     def _step(self, time: float, index: int, step: float) -> None:
         self._place(index)
+        for number in range(index % _CONSIDER, len(self.drivers), _CONSIDER):
+            self._consider(number, self.drivers[number])
         wishes = [self._wish(number, driver, time) for number, driver in enumerate(self.drivers)]
         for number, (driver, wish) in enumerate(zip(self.drivers, wishes, strict=True)):
             driver.advance(wish, step)
@@ -237,6 +128,9 @@ class Crowd:
                 self._on.setdefault(driver.route[place], []).append(entry)
                 if rear >= driver.starts[place]:
                     break
+            if (left := driver.shared) is not None and left < place:
+                entry = (driver.way - driver.starts[left], driver.body.length, driver.speed, number)
+                self._on.setdefault(driver.route[left], []).append(entry)
         for number, obstacle in enumerate(self.obstacles):
             for track, (way, speed) in obstacle.places[min(index, len(obstacle.places) - 1)].items():
                 self._on.setdefault(track, []).append((way, obstacle.length, speed, -1 - number))
@@ -250,6 +144,9 @@ class Crowd:
         leader = self._leader(number, driver)
         if leader is not None:
             wish = min(wish, driver.follow(leader.gap, driver.speed - leader.speed, desired))
+        if (left := driver.shared) is not None:
+            gap, speed, _ = self._beside(number, driver.route[left], driver.way - driver.starts[left])[0]
+            wish = min(wish, -(max(driver.speed - speed, 0.0) ** 2) / (2.0 * max(gap - NEAREST, 0.1)))
         line = self._stop_line(number, driver, leader, time)
         if line is not None:
             wish = min(wish, driver.follow(line - 0.5 + driver.gap, driver.speed, desired))
@@ -258,6 +155,83 @@ class Crowd:
                 if needed > FIRM_BRAKING:
                     wish = min(wish, -needed)
         return wish
+
+    def _beside(self, number: int, index: int, way: float) -> _Near:
+        """Return who is ahead and who behind a front on a track: gap to its rear or front [m], speed [m/s], number.
+
+        Where nobody is, the gap is infinite and the number that of the driver.
+        """
+        ahead, behind = (math.inf, 0.0, number), (math.inf, 0.0, number)
+        track, length = self.graph.tracks[index], self.drivers[number].body.length
+        spans = [(index, 0.0), *((one, track.length) for one in track.next)]
+        spans += [(one, -self.graph.tracks[one].length) for one in track.before]
+        for span, base in spans:
+            for there, size, speed, other in self._on.get(span, ()):
+                if other == number:
+                    continue
+                if base + there > way:
+                    ahead = min(ahead, (base + there - size - way, speed, other))
+                else:
+                    behind = min(behind, (way - length - base - there, speed, other))
+        return ahead, behind
+
+    def _consider(self, number: int, driver: Driver) -> None:
+        """Begin a lane change where one is possible, safe and pays."""
+        here = driver.route[driver.place]
+        track = self.graph.tracks[here]
+        if self.onward is None or self.paths is None or track.beside == (None, None) or driver.held:
+            return
+        if driver.body.motion != "vehicle" or driver.speed < SLOWEST:
+            return
+        if driver.changes and driver.way - driver.reference < driver.changes[-1].end + PAUSE:
+            return
+        length, size = max(DURATION * driver.speed, SHORTEST), driver.body.length
+        if not is_clear(track, driver.local, size, length):
+            return
+        now = self._beside(number, here, driver.local)
+        for other, to_left in zip(track.beside, (True, False), strict=True):
+            if other is None:
+                continue
+            beside = self.graph.tracks[other]
+            place, away = beside.nearest(track.at(driver.local))
+            if away > track.width + 2.0 or driver.speed > TOO_FAST * beside.speed * driver.share:
+                continue
+            then = self._beside(number, other, place)
+            if not is_clear(beside, place, size, length) or not has_room(then[0][0], then[1][0]):
+                continue
+            fronts = place + np.arange(-size, length + size)
+            if (
+                self._pays(driver, (track, now), (beside, then), to_left)
+                and self.paths.lateral(other, driver.body, fronts, driver.speed) < STRAIGHT
+            ):
+                route = [other]
+                driver.blocked_end = self.onward(route, driver.needed - driver.way + place)
+                driver.change(route, place, length, self.graph.tracks)
+                driver.limit(self.graph.tracks, self.paths)
+                insort(self._on.setdefault(other, []), (place, size, driver.speed, number))
+                return
+
+    def _pays(self, driver: Driver, now: tuple[Track, _Near], then: tuple[Track, _Near], to_left: bool) -> bool:
+        """Return whether a change is safe and pays for a driver and those behind, by MOBIL."""
+        own = tuple(
+            driver.follow(ahead[0], driver.speed - ahead[1], min(track.speed * driver.share, driver.top_speed))
+            for track, (ahead, _) in (now, then)
+        )
+        rows = []
+        for (_, (ahead, behind)), leaves in ((now, True), (then, False)):
+            gap, speed, number = behind
+            if math.isinf(gap):
+                rows.append((0.0, 0.0))
+            elif number < 0:
+                apart = max(GIVEN_HEADWAY * speed, GIVEN_TIME * (speed - driver.speed))
+                rows.append((0.0, 0.0 if leaves or gap > apart else -math.inf))
+            else:
+                one = self.drivers[number]
+                desired = float(one.limits[min(int(one.way), len(one.limits) - 1)])
+                with_it = one.follow(gap, one.speed - driver.speed, desired)
+                without = one.follow(gap + driver.body.length + ahead[0], one.speed - ahead[1], desired)
+                rows.append((with_it, without) if leaves else (without, with_it))
+        return is_wanted((own[0], own[1]), rows[0], rows[1], to_left)
 
     def _leader(self, number: int, driver: Driver) -> _Leader | None:
         """Return the next body on the route."""

@@ -23,8 +23,9 @@ from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
-from .bends import RoutePaths, line_of
-from .drivers import Crowd, Driver, Obstacle
+from .bends import RoutePaths, along_line, line_of
+from .driver import Driver
+from .drivers import Crowd, Obstacle
 from .planned import PlannedActor, draw_variant
 from .separation import without_collisions
 from .tracks import Track, TrackGraph, track_graph
@@ -92,13 +93,15 @@ def simulate_traffic(
     Intelligent Driver Model [1]_ with a jerk limit, in steps of 0.1 s after 5 s of warm-up; bends at 2 m/s^2; a
     critical headway of 4.5 s where lanes yield; signals; stretches that two lanes share are used by one of them at a
     time. Random routes at forks. At open ends, lanes go on straight and level beyond the scene, so that vehicles come
-    and go. People walk at 1.34 +- 0.2 m/s [2]_ on the right of walkways and stand where these end. *Not modelled*: lane
-    changes, overtaking, turning back.
+    and go. Vehicles change between lanes of one direction (`Lane.left`) by MOBIL [3]_. People walk at 1.34 +- 0.2 m/s
+    [2]_ on the right of walkways and stand where these end. *Not modelled*: overtaking on the lane of those who come
+    towards, turning back.
 
     References
     ----------
     .. [1] M. Treiber, A. Hennecke, D. Helbing, Phys. Rev. E 62, 1805, 2000.
     .. [2] U. Weidmann, Transporttechnik der Fussgaenger, ETH Zuerich, 1993.
+    .. [3] A. Kesting, M. Treiber, D. Helbing, Transportation Research Record 1999, 86, 2007.
     """
     start_time, duration = span[0], span[1] - span[0]
     if not 0.0 < duration <= 3600.0:
@@ -129,7 +132,8 @@ def simulate_traffic(
             warnings.warn(
                 f"{missing} of {count} actors found no free place on lanes of kind '{kind}'", ScarlWarning, stacklevel=2
             )
-    Crowd(graph, [driver for driver, _ in planner.made], network.signals, obstacles).run(start, num_steps, STEP)
+    drivers = [driver for driver, _ in planner.made]
+    Crowd(graph, drivers, network.signals, obstacles, planner.go_on, planner.paths).run(start, num_steps, STEP)
 
     drive = _Drive(graph.tracks, planner.paths, instants, (start_time, start_time + duration), models)
     draw = generator(seed, "traffic_looks")
@@ -144,8 +148,12 @@ def simulate_traffic(
 
 
 def _obstacle(graph: TrackGraph, trajectory: Trajectory, body: ActorBody, instants: Array) -> Obstacle:
-    """Return where a given motion is on the tracks at each instant; before and after its time it stands."""
-    motion = sample_motion(trajectory, np.clip(instants, trajectory.start, trajectory.stop))
+    """Return where a given motion is on the tracks at each instant.
+
+    Before and after its time it goes along them at the speed that it has at its ends.
+    """
+    known = np.clip(instants, trajectory.start, trajectory.stop)
+    motion = sample_motion(trajectory, known)
     along = np.stack([np.cos(motion.heading), np.sin(motion.heading)], axis=1)
     speed = (motion.velocity[:, :2] * along).sum(1)
     places: list[dict[int, tuple[float, float]]] = [{} for _ in instants]
@@ -171,7 +179,22 @@ def _obstacle(graph: TrackGraph, trajectory: Trajectory, body: ActorBody, instan
                 )
                 if front > places[row].get(index, (-np.inf, 0.0))[0]:
                     places[row][index] = (front, float(max(speed[row] * forward[row], 0.0)))
+    for late in np.flatnonzero(known != instants).tolist():
+        away = float(instants[late] - known[late])
+        places[late] = dict(_carried(graph, index, front, pace, away) for index, (front, pace) in places[late].items())
     return Obstacle(body.length, places)
+
+
+def _carried(graph: TrackGraph, index: int, front: float, speed: float, time: float) -> tuple[int, tuple[float, float]]:
+    """Return track, way of the front [m] and speed [m/s] of a body some time [s] later, or earlier where negative."""
+    front += speed * time
+    while front < 0.0 and graph.tracks[index].before:
+        index = graph.tracks[index].before[0]
+        front += graph.tracks[index].length
+    while front > graph.tracks[index].length and graph.tracks[index].next:
+        front -= graph.tracks[index].length
+        index = graph.tracks[index].next[0]
+    return index, (front, speed)
 
 
 class _Planner:
@@ -257,17 +280,22 @@ class _Planner:
         needed = (
             front + self.duration * min(driver.top_speed, max(one.speed for one in self.graph.tracks) * 1.15) + 40.0
         )
-        length = track.length
-        while length < needed:
-            ways = self.graph.tracks[driver.route[-1]].next
-            if not ways:
-                break
-            driver.route.append(ways[int(self.draw.integers(len(ways)))])
-            length += self.graph.tracks[driver.route[-1]].length
-        driver.blocked_end = length < needed
+        driver.needed = needed
+        driver.blocked_end = self.go_on(driver.route, needed)
         driver.prepare(self.graph.tracks, self.paths)
         driver.speed = min(driver.speed, 0.8 * float(driver.limits[int(front)]))
         return driver
+
+    def go_on(self, route: list[int], needed: float) -> bool:
+        """Extend a route by random ways until it is as long as needed [m]; return whether it ends before."""
+        length = sum(self.graph.tracks[index].length for index in route)
+        while length < needed:
+            ways = self.graph.tracks[route[-1]].next
+            if not ways:
+                break
+            route.append(ways[int(self.draw.integers(len(ways)))])
+            length += self.graph.tracks[route[-1]].length
+        return length < needed
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,10 +315,13 @@ class _Drive:
         """Return a driver's motion as a trajectory on the smooth curve along its route."""
         states = np.array(driver.history)
         body = driver.body
-        reference = body.length / 2.0 - body.rear_axle  # from the front to the rear axle
-        chords = states[:, 0] - reference
+        chords = states[:, 0] - driver.reference
+        span = chords[[0, -1]]
         route = [self.tracks[index] for index in driver.route]
-        if body.wheelbase > 0.0:
+        if driver.changes:
+            path, known, along = self.paths.changed(driver, body, (float(span[0]), float(span[1])))
+            span, start = along_line(span, known, along), 0.0
+        elif body.wheelbase > 0.0:
             path, start = self.paths.path(driver.route, body), 0.0
         else:
             points, chord = line_of(route)
@@ -300,7 +331,7 @@ class _Drive:
             room = (body.length + 1.0, body.length + 1.0)
             path = SmoothPath(points[kept], smoothing_of(body), room, offset=-route[0].right)
             start = float(chord[kept][0])
-        ends = path.way_of(chords[[0, -1]] - start)
+        ends = path.way_of(span - start)
         scale = (ends[1] - ends[0]) / (chords[-1] - chords[0]) if chords[-1] - chords[0] > 5.0 else 1.0
         ways = ends[0] + scale * (chords - chords[0])
         way = way_from_states(self.instants, ways, scale * states[:, 1], scale * states[:, 2])
@@ -312,7 +343,7 @@ class _Drive:
         """Return the times at which a driver's middle is on the lanes [s], empty where it never is."""
         inside = np.array([track.lane is not None for track in route])
         middle = np.array(driver.history)[:, 0] - driver.body.length / 2.0
-        place = np.clip(np.searchsorted(driver.starts, middle, side="right") - 1, 0, len(route) - 1)
+        place = np.clip(np.searchsorted(driver.enters, middle, side="right") - 1, 0, len(route) - 1)
         present = self.instants[inside[place]]
         if not present.size:
             return self.span[0], self.span[0]

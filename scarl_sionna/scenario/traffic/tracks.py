@@ -29,7 +29,8 @@ class Track:
     """One way to go: a lane, a walkway in one direction, or the straight continuation of a lane beyond the scene.
 
     `lane` is the lane's name, None beyond the scene; `zones` holds (zone, first, last way [m], whether both tracks
-    merge there) in the order of travel; `right` is how far to the right of the points one keeps [m].
+    merge there) in the order of travel; `right` is how far to the right of the points one keeps [m]; `beside` are the
+    tracks of the same direction to the left and to the right.
     """
 
     points: Array
@@ -44,6 +45,7 @@ class Track:
     zones: list[tuple[int, float, float, bool]] = field(default_factory=list)
     length: float = 0.0
     right: float = 0.0
+    beside: tuple[int | None, int | None] = (None, None)
 
     def __post_init__(self) -> None:
         self.chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=1))])
@@ -55,6 +57,14 @@ class Track:
             [np.interp(np.asarray(way, dtype=np.float64), self.chord, self.points[:, axis]) for axis in range(3)],
             axis=-1,
         )
+
+    def nearest(self, point: Array) -> tuple[float, float]:
+        """Return the way along the track and the distance in plan [m] of its point nearest to one."""
+        start, step = self.points[:-1, :2], np.diff(self.points[:, :2], axis=0)
+        share = np.clip(((point[:2] - start) * step).sum(1) / (step * step).sum(1), 0.0, 1.0)
+        away = np.linalg.norm(start + share[:, None] * step - point[:2], axis=1)
+        index = int(away.argmin())
+        return float(self.chord[index] + share[index] * (self.chord[index + 1] - self.chord[index])), float(away[index])
 
 
 @dataclass(eq=False)
@@ -115,6 +125,9 @@ def track_graph(
     for index, track in enumerate(graph.tracks):
         for following in track.next:
             graph.tracks[following].before.append(index)
+    for lane in network.lanes:
+        if lane.kind == "drive" and (str(lane.left), False) in index_of:
+            _put_beside(graph, index_of[str(lane.left), False], index_of[lane.name, False])
     _find_zones(graph, half_width + _MARGIN, longest)
     return graph
 
@@ -150,6 +163,18 @@ def _continue(graph: TrackGraph, index: int, run_out: float) -> None:
         ends = np.stack([track.points[outer], far])[:: int(sign)]
         graph.tracks.append(Track(ends, track.kind, track.width, track.speed, None))
         (track.next if sign > 0 else graph.tracks[-1].next).append(len(graph.tracks) - 1 if sign > 0 else index)
+
+
+def _put_beside(graph: TrackGraph, left: int, right: int) -> None:
+    """Note that two tracks lie side by side, and so do their continuations beyond the scene."""
+    tracks = graph.tracks
+    pairs = [(left, right)]
+    for ways in ("before", "next"):
+        beyond = [[one for one in getattr(tracks[index], ways) if tracks[one].lane is None] for index in (left, right)]
+        pairs += zip(*beyond, strict=False)
+    for one, other in pairs:
+        tracks[one].beside = tracks[one].beside[0], other
+        tracks[other].beside = one, tracks[other].beside[1]
 
 
 def curve_speed(points: Array, chord: Array, ways: Array) -> Array:
