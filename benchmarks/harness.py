@@ -20,6 +20,8 @@ import numpy as np
 
 from scarl_sionna.core.cores import usable_cores
 
+ANY_COST: dict[str, None] = {"cpu_budget": None, "memory_budget": None}
+"""Fields of settings: a benchmark of physical optics may take what it takes."""
 PACKAGES = ("scarl-sionna", "sionna-rt", "mitsuba", "drjit", "numpy", "finufft")
 
 

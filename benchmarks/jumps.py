@@ -30,7 +30,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import scarl_sionna as ss
-from benchmarks.harness import machine, write_block
+from benchmarks.harness import ANY_COST, machine, write_block
 from benchmarks.street_scenes import PLACES, street
 from benchmarks.whole_streets import RADAR, UNLIMITED, echoes
 from scarl_sionna.core.mount import Mount
@@ -127,7 +127,10 @@ class Walk:
         state, mount = self.at(step)
         changed = sorted(number for number in new if new[number] != old.get(number, ("none", ())))
         both = [
-            echoes(solve_paths(state, RADAR, mount, "hybrid", plan=only(plan, changed), max_distance=REACH), changed)
+            echoes(
+                solve_paths(state, RADAR, mount, "hybrid", plan=only(plan, changed), max_distance=REACH, **ANY_COST),
+                changed,
+            )
             for plan in (before, after)
         ]
         table = state.world.instances
@@ -149,7 +152,7 @@ class Walk:
         plan = self.plan(step)
         numbers = sorted(number for number, (solver, _) in signature(plan).items() if solver == "sbr")
         both = [
-            echoes(solve_paths(*self._problem(place), "hybrid", plan=plan, max_distance=REACH), numbers)
+            echoes(solve_paths(*self._problem(place), "hybrid", plan=plan, max_distance=REACH, **ANY_COST), numbers)
             for place in (step, step + 1)
         ]
         return [

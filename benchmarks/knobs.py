@@ -25,7 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from harness import machine
+from harness import ANY_COST, machine
 from radar_frame import expected_map
 
 import scarl_sionna as ss
@@ -101,7 +101,7 @@ def returns() -> None:
 
         def found(angle: float | None) -> tuple[dict[int, float], int]:
             knobs = {"sbr": level.with_(return_angle=angle), "instances": tuple(bodies)}  # noqa: B023
-            paths = ss.solve_paths(state, RADAR, mount, "sbr", **knobs, max_distance=40.0)  # noqa: B023
+            paths = ss.solve_paths(state, RADAR, mount, "sbr", **knobs, **ANY_COST, max_distance=40.0)  # noqa: B023
             return echoes(paths, bodies), sum(paths.diagnostics["num_tubes"].values())  # noqa: B023
 
         truth = found(None)[0]

@@ -54,7 +54,7 @@ def suites(place: tuple[ss.World, float], rig: str) -> Call:
 
     def call(index: int) -> Any:
         frame = ss.observe(world, sensors, time=start + STEP * index, seed=0, index=index)
-        return [frame[name] for name in sorted(sensors.names)]
+        return [frame.results[name] for name in sorted(frame.results)]
 
     return call
 

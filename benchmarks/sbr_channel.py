@@ -20,7 +20,7 @@ import trimesh
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import scarl_sionna as ss
-from benchmarks.harness import machine, measure, peak_memory
+from benchmarks.harness import ANY_COST, machine, measure, peak_memory
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -72,7 +72,7 @@ def plate() -> None:
             errors, wall, cpu = [], 0.0, 0.0
             for pose, truth in zip(poses, exact, strict=True):
                 start = time.perf_counter(), time.process_time()
-                paths = solve_paths(state, WIDE, pose, method="sbr", settings=knobs)
+                paths = solve_paths(state, WIDE, pose, method="sbr", settings=knobs, **ANY_COST)
                 wall, cpu = wall + (time.perf_counter() - start[0]) / 21, cpu + (time.process_time() - start[1]) / 21
                 errors.append(abs(20 * np.log10(abs(_signal(paths) / truth))))
             print(
@@ -96,7 +96,7 @@ def trihedral() -> None:
         errors, cpu = [], time.process_time()
         for (theta, phi), sigma in zip(angles, exact, strict=True):
             pose = _looking_back(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta), 50.0)
-            paths = solve_paths(state, WIDE, pose, method="sbr", settings=knobs)
+            paths = solve_paths(state, WIDE, pose, method="sbr", settings=knobs, **ANY_COST)
             found = abs(_signal(paths)) ** 2 * (4 * np.pi) ** 3 * 50.0**4 / WAVELENGTH**2
             errors.append(10 * np.log10(found / sigma))
         print(
@@ -128,7 +128,7 @@ def car() -> None:
 
         def cells(knobs: SbrSettings, name: str = name) -> tuple[np.ndarray, int, float]:
             cpu = time.process_time()
-            paths = solve_paths(state, radar, pose, method="sbr", instances=[name], settings=knobs)
+            paths = solve_paths(state, radar, pose, method="sbr", instances=[name], settings=knobs, **ANY_COST)
             cpu = time.process_time() - cpu
             rd = ss.range_doppler(ss.virtual_cube(ss.synthesize(paths, radar), radar), radar)
             length = np.linalg.norm(paths.rx_point - pose.position, axis=1)
@@ -164,7 +164,7 @@ def speed() -> None:
 
         def frame(names: list[str] = names, last: list[ss.RadarPaths] = last) -> None:
             paths = solve_paths(
-                state, radar, pose, method="sbr", instances=names, settings=SbrSettings(num_tubes=1_000_000)
+                state, radar, pose, method="sbr", instances=names, settings=SbrSettings(num_tubes=1_000_000), **ANY_COST
             )
             ss.virtual_cube(ss.synthesize(paths, radar), radar)
             last[:] = [paths]
@@ -193,7 +193,7 @@ def scene() -> None:
         for _ in range(2):
             wall, cpu = time.perf_counter(), time.process_time()
             paths = solve_paths(
-                state, radar, pose, method="sbr", instances=names, settings=SbrSettings(max_depth=depth)
+                state, radar, pose, method="sbr", instances=names, settings=SbrSettings(max_depth=depth), **ANY_COST
             )
             wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
             if wall > 30.0:
@@ -219,7 +219,7 @@ def _memory_of(wanted: int) -> None:
     state, radar, pose = _highway()
     cpu = time.process_time()
     paths = solve_paths(
-        state, radar, pose, method="sbr", instances=["car_ahead"], settings=SbrSettings(num_tubes=wanted)
+        state, radar, pose, method="sbr", instances=["car_ahead"], settings=SbrSettings(num_tubes=wanted), **ANY_COST
     )
     cpu = time.process_time() - cpu
     print(f"| {paths.diagnostics['num_tubes'][1]} | {paths.num_paths} | {cpu:.1f} | {peak_memory():.2f} |")

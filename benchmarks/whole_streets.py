@@ -28,7 +28,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import scarl_sionna as ss
-from benchmarks.harness import machine
+from benchmarks.harness import ANY_COST, machine
 from benchmarks.street_scenes import Street, problem
 from benchmarks.whole_street_figures import kept, write
 from scarl_sionna.core.settings.sbr import SbrSettings
@@ -94,7 +94,12 @@ def solve(kind: str, seed: int, tolerances: Sequence[float] = TOLERANCES) -> dic
             "methods": {},
         }
         for tolerance in (value for value in tolerances if value >= FINEST[kind]):
-            settings = {"channel_tolerance_db": tolerance, "tube_budget": UNLIMITED, "max_distance": street.reach}
+            settings = {
+                "channel_tolerance_db": tolerance,
+                "tube_budget": UNLIMITED,
+                "max_distance": street.reach,
+                **ANY_COST,
+            }
             paths, cpu = timed(
                 lambda settings=settings: solve_paths(street.state, RADAR, street.mount, "auto", **settings)
             )
@@ -137,6 +142,7 @@ def _plan(street: Street, tolerance: float) -> ChannelPlan:
         channel_tolerance_db=tolerance,
         tube_budget=UNLIMITED,
         max_distance=street.reach,
+        **ANY_COST,
     )
 
 
@@ -147,7 +153,7 @@ def _by_plan(street: Street, plan: ChannelPlan, knobs: SbrSettings, ghosts: bool
         if share.solver == "sbr"
     )
     own = replace(plan, shares=shares, echoes=False)
-    return solve_paths(street.state, RADAR, street.mount, "hybrid", plan=own, max_distance=street.reach)
+    return solve_paths(street.state, RADAR, street.mount, "hybrid", plan=own, max_distance=street.reach, **ANY_COST)
 
 
 def _name(street: Street, number: int) -> str:

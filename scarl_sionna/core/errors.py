@@ -7,7 +7,7 @@ bug. Each one keeps its data as attributes.
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -33,6 +33,17 @@ class ParameterRangeError(ScarlError, ValueError):
     def __init__(self, name: str, value: object, allowed: str, remedy: str = "") -> None:
         self.name, self.value, self.allowed, self.remedy = name, value, allowed, remedy
         super().__init__(f"{name} = {value} is not allowed (allowed: {allowed})" + (f"; {remedy}" if remedy else ""))
+
+
+class BudgetError(ParameterRangeError):
+    """A computation is expected to cost more than its budget; `cost` has the figures by name.
+
+    For `sbr`: ``cpu_seconds`` [s], ``memory_gib`` [GiB], and the numbers ``first_tubes``, ``tubes`` and ``patches``.
+    """
+
+    def __init__(self, name: str, value: object, allowed: str, remedy: str, cost: Mapping[str, float]) -> None:
+        self.cost = dict(cost)
+        super().__init__(name, value, allowed, remedy)
 
 
 class UnknownNameError(ScarlError, KeyError):

@@ -46,6 +46,7 @@ Decibels = Annotated[float, Unit("dB")]
 DecibelsIsotropic = Annotated[float, Unit("dBi")]
 DecibelMilliwatts = Annotated[float, Unit("dBm")]
 Watts = Annotated[float, Unit("W")]
+Gibibytes = Annotated[float, Unit("GiB")]
 MillimetresPerHour = Annotated[float, Unit("mm/h")]
 
 

@@ -180,7 +180,8 @@ class ChannelPlan(Described):
     left_out : sequence of mapping
         What is not computed although it is in view, with the bound of its power; for the diagnostics.
     predicted : mapping
-        What the maker of the plan expects: ``tubes``, ``cpu_seconds`` and ``tolerance_db``; empty for a plan by hand.
+        What the maker of the plan expects: ``tubes``, ``cpu_seconds``, ``memory_gib`` and ``tolerance_db``; empty for a
+        plan by hand.
 
     Raises
     ------

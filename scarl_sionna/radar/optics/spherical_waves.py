@@ -11,7 +11,7 @@ once a chain of faces is known, at the exact reflection points (:mod:`.near_fiel
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -164,6 +164,28 @@ class Viewpoint:
 
 
 @dataclass(frozen=True, eq=False)
+class StartFaces:
+    """Pieces of faces, some patches large, from which first tubes are cut.
+
+    Attributes
+    ----------
+    face : ndarray of int64, shape (num_pieces,)
+        Of each piece.
+    corners : ndarray of float64, shape (num_pieces, 3, 3)
+        [m].
+    pieces : ndarray of float64, shape (num_pieces,)
+        About how many first tubes each gives.
+    size : PatchSize
+        To which they are cut.
+    """
+
+    face: Index
+    corners: Array
+    pieces: Array
+    size: PatchSize
+
+
+@dataclass(frozen=True, eq=False)
 class Arrival:
     """Tubes of one bounce."""
 
@@ -214,8 +236,16 @@ class Tracer:
     narrow: NarrowBodies | None = None
     count: Counter[int] = field(default_factory=Counter)
 
-    def bounces(self, face: Index) -> Iterator[ImageTubes]:
-        """Yield the footprints that the receiver sees, bounce after bounce, of tubes that start on some faces."""
+    def bounces(self, face: Index, starts: Iterable[ImageTubes] | None = None) -> Iterator[ImageTubes]:
+        """Yield the footprints that the receiver sees, bounce after bounce, of tubes that start on some faces.
+
+        Parameters
+        ----------
+        face : ndarray of int64
+            On which tubes start.
+        starts : iterable of ImageTubes, optional
+            The first tubes; all of `face` if left out.
+        """
         of_plane = face_of_plane(self.faces.plane)
         plane_of_face = np.where(self.chosen, self.faces.plane, MISS)
 
@@ -224,8 +254,52 @@ class Tracer:
                 return []
             return self._next(arrival.lit, of_plane, plane_of_face).batches(self.settings.max_tubes)
 
-        for arrival in depth_first(self._starts(face), self._arrive, go_on, self.settings.max_depth):
+        first = self._starts(face) if starts is None else starts
+        for arrival in depth_first(first, self._arrive, go_on, self.settings.max_depth):
             yield from self._for_motion(arrival.seen)
+
+    def first_tubes(self, face: Index) -> StartFaces:
+        """Return into what faces are cut first, and about how many first tubes that makes.
+
+        Raises
+        ------
+        ParameterRangeError
+            If they are more than `max_patches`.
+        """
+        source, receiver, limit = self.tx.pose.position, self.rx.pose.position, self.settings.max_patches
+        size = self._start_size(face)
+        coarse, rows = split(self.faces.triangles.corners[face], source[None], receiver, size, limit, _COARSE)
+        pieces = size.pieces(coarse, source, receiver)
+        if pieces.sum() > 1.5 * limit:  # the count is an estimate; split() itself counts too
+            too_many_patches(limit)
+        return StartFaces(face[rows], coarse, pieces, size)
+
+    def sample(self, starts: StartFaces, count: int) -> tuple[ImageTubes, float]:
+        """Return some of the first tubes, evenly among all, and how many tubes each of them stands for.
+
+        Parameters
+        ----------
+        starts : StartFaces
+        count : int
+            Tubes; those out of the transmitter's view are left out of them.
+        """
+        place = np.cumsum(starts.pieces)
+        wanted = (np.arange(count) + 0.5) / count * place[-1]
+        coarse = np.minimum(np.searchsorted(place, wanted, side="right"), len(place) - 1)
+        chosen, of_wanted = np.unique(coarse, return_inverse=True)
+        fine, piece_of = split(
+            starts.corners[chosen],
+            self.tx.pose.position[None],
+            self.rx.pose.position,
+            starts.size,
+            self.settings.max_patches,
+        )
+        made = np.bincount(piece_of, minlength=len(chosen))[of_wanted]
+        share = 1.0 - (place[coarse] - wanted) / starts.pieces[coarse]
+        number = np.minimum((share * made).astype(np.int64), made - 1)
+        rows = np.searchsorted(piece_of, of_wanted) + number
+        stands_for = float(place[-1] * np.mean(made / starts.pieces[coarse]) / count)
+        return self._first(fine[rows], starts.face[coarse], coarse, number), stands_for
 
     def _arrive(self, depth: int, tubes: ImageTubes) -> Iterator[Arrival]:
         self.count[depth] += len(tubes)
@@ -241,25 +315,23 @@ class Tracer:
     def _starts(self, face: Index) -> Iterator[ImageTubes]:
         """Yield the patches of faces that are in the transmitter's view, some batch of them at a time."""
         source, receiver, limit = self.tx.pose.position, self.rx.pose.position, self.settings.max_patches
-        size = self._start_size(face)
-        corners = self.faces.triangles.corners[face]
-        coarse, rows = split(corners, source[None], receiver, size, limit, _COARSE)
-        pieces = size.pieces(coarse, source, receiver)
-        if pieces.sum() > 1.5 * limit:  # the count is an estimate; split() itself counts too
-            too_many_patches(limit)
-        batch = (np.cumsum(pieces) / self.settings.max_tubes).astype(np.int64)
-        first = np.searchsorted(rows, rows)  # the first coarse piece of the same face
-        for part in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(batch)) + 1):
-            fine, piece_of = split(coarse[part], source[None], receiver, size, limit)
+        starts = self.first_tubes(face)
+        batch = (np.cumsum(starts.pieces) / self.settings.max_tubes).astype(np.int64)
+        new = np.diff(starts.face, prepend=-1) != 0
+        first = np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))  # coarse piece of the same face
+        for part in np.split(np.arange(len(batch)), np.flatnonzero(np.diff(batch)) + 1):
+            fine, piece_of = split(starts.corners[part], source[None], receiver, starts.size, limit)
             number = np.arange(len(piece_of)) - np.searchsorted(piece_of, piece_of)
             whole = part[piece_of]
-            kept = np.flatnonzero(self.tx.touches(fine))
-            whole, number, fine = whole[kept], number[kept], fine[kept]
-            origin = (whole - first[whole]) * (1 << 32) + number
-            start = np.broadcast_to(source, (len(whole), 1, 3))
-            way = np.full((len(whole), MOST_PANES), MISS)
-            tubes = ImageTubes(fine, face[rows[whole], None], start, origin, way, way)
+            tubes = self._first(fine, starts.face[whole], whole - first[whole], number)
             yield from tubes.batches(self.settings.max_tubes)
+
+    def _first(self, corners: Array, face: Index, piece: Index, number: Index) -> ImageTubes:
+        """Return first tubes of faces in the transmitter's view; `piece` and `number` say which of a face each is."""
+        kept = np.flatnonzero(self.tx.touches(corners))
+        start = np.broadcast_to(self.tx.pose.position, (len(kept), 1, 3))
+        way = np.full((len(kept), MOST_PANES), MISS)
+        return ImageTubes(corners[kept], face[kept, None], start, piece[kept] * (1 << 32) + number[kept], way, way)
 
     def _start_size(self, face: Index) -> PatchSize:
         """Return the size of the first tubes, so that there are about `num_tubes` of them if it is set."""

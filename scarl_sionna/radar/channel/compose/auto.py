@@ -18,11 +18,12 @@ from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.antennas import refuse_receiver
+from scarl_sionna.radar.channel.sbr.cost import SolveCost
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
-from .budget import sbr_settings
+from .budget import affordable_tubes, sbr_settings
 from .choose import ENOUGH, Chosen, View, choose, counts, level_of
 from .expected_error import expected_errors, kept_error
 from .hybrid import solve_hybrid
@@ -179,7 +180,7 @@ def _warn_of_reflections(choices: list[Choice], view: View) -> None:
         f"{len(without)} of {len(coherent)} objects are computed without reflections (ground bounce, walls) that can "
         f"change their echo by more than the tolerance of {tolerance:g} dB, most of "
         f"all '{name}' over '{mirror}', {most}: the tube budget does not pay for them; raise "
-        "Accuracy.tube_budget, or see diagnostics['choices'] for each",
+        f"Accuracy.{view.tube_budget[1]}, or see diagnostics['choices'] for each",
         ScarlWarning,
         stacklevel=2,
     )
@@ -190,6 +191,7 @@ def _warn_of_tolerance(met: Mapping[str, Any], chosen: Chosen, settings: RadarSe
     if met["met"]:
         return
     tolerance, level = settings.accuracy.channel_tolerance_db, chosen.level.tolerance_db
+    tubes, budget = affordable_tubes(settings.accuracy, settings.auto)
     short = []
     if met["num_by_class"]:
         short.append(
@@ -197,10 +199,8 @@ def _warn_of_tolerance(met: Mapping[str, Any], chosen: Chosen, settings: RadarSe
         )
     if level > tolerance and met["num_by_class"] < met["num_counted"]:
         short.append(f"the others are computed at the level of {level:g} dB")
-    reason = (
-        f"a budget of {settings.accuracy.tube_budget} tubes pays for no more: {', '.join(short)}; " if short else ""
-    )
-    remedy = "raise Accuracy.tube_budget" if short else "ask for a finer one"
+    reason = f"a budget of {tubes} tubes pays for no more: {', '.join(short)}; " if short else ""
+    remedy = f"raise Accuracy.{budget}" if short else "ask for a finer one"
     warnings.warn(
         f"the echo of 90 % of the {met['num_counted']} objects that can be detected is expected to be within "
         f"{met['expected_error_db']:.1f} dB, the tolerance is {tolerance:g} dB; {reason}{remedy}, or see "
@@ -234,7 +234,9 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
     used |= {view.instance(mirror) for mirror in echoing}
     tubes = sum(choice.cost for choice in choices)
     seconds = round(tubes * view.rules.tubes.seconds, 2)
-    predicted = {"tubes": float(tubes), "cpu_seconds": seconds, "tolerance_db": chosen.level.tolerance_db}
+    memory = round(SolveCost(patches=tubes).memory_gib, 2)
+    level = chosen.level.tolerance_db
+    predicted = {"tubes": float(tubes), "cpu_seconds": seconds, "memory_gib": memory, "tolerance_db": level}
     knobs = view.settings.sionna
     only_mirrors = knobs.specular and not (knobs.diffuse or knobs.refraction or knobs.diffraction)
     return ChannelPlan(

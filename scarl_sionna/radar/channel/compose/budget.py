@@ -12,11 +12,13 @@ import trimesh
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings, SbrLevel
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
+from scarl_sionna.radar.channel.sbr.cost import patches_in
 from scarl_sionna.signal.antenna import boresights, largest_field_gain
 from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
@@ -169,6 +171,18 @@ def num_tubes(
     patches = min(item.area, (3.0 * distance) ** 2) / side**2
     once = fit.least + fit.per_face * item.num_faces + fit.per_edge * edges + fit.per_patch * patches
     return int(level.growth * once)
+
+
+def affordable_tubes(accuracy: Accuracy, rules: AutoSettings = DEFAULT_AUTO) -> tuple[int, str]:
+    """Return how many tubes a solve may take by all budgets, and the name of the budget that says so."""
+    seconds, memory = accuracy.cpu_budget, accuracy.memory_budget
+    limits = {"tube_budget": accuracy.tube_budget}
+    if seconds is not None and rules.tubes.seconds > 0.0:
+        limits["cpu_budget"] = int(seconds / rules.tubes.seconds)
+    if memory is not None:
+        limits["memory_budget"] = patches_in(memory)
+    name = min(limits, key=lambda one: limits[one])
+    return limits[name], name
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.optics.faces.panes import pane_parts
 from scarl_sionna.radar.scatterers.model import ScattererModel
 
-from .budget import Estimate, estimate, num_tubes, surface_distance
+from .budget import Estimate, affordable_tubes, estimate, num_tubes, surface_distance
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .reflections import changes, sights
@@ -59,6 +59,11 @@ class View:
         """Half of the longest length [m]."""
         limit = self.settings.max_distance
         return self.radar.max_range if limit is None else limit
+
+    @cached_property
+    def tube_budget(self) -> tuple[int, str]:
+        """Tubes that all budgets pay for, and the name of the least of them."""
+        return affordable_tubes(self.settings.accuracy, self.rules)
 
     @cached_property
     def items(self) -> list[Estimate]:
@@ -156,7 +161,7 @@ def choose(view: View) -> Chosen:
     level = _level_to_take(view, own, mirrors, (finest, *reversed(coarser)))
     for choice in own:
         if choice.over_budget:
-            budget = view.settings.accuracy.tube_budget
+            budget = view.tube_budget[0]
             text = f"{choice.tubes} tubes are more than is left of the budget of {budget}: RCS by class"
             choice.method, choice.reason, choice.tubes = "raycast", text, 0
     return Chosen(list(choices.values()), mirrors, level)
@@ -172,7 +177,7 @@ def _level_to_take(view: View, own: list[Choice], mirrors: list[Mirror], levels:
 
     def error(level: SbrLevel) -> tuple[float, int, float]:
         cost = {choice.item.number: _num_tubes(view, choice, level) for choice in own}
-        spend(own, cost, {mirror.number for mirror in mirrors}, view.settings.accuracy.tube_budget)
+        spend(own, cost, {mirror.number for mirror in mirrors}, view.tube_budget[0])
         counted = [choice for choice in own if counts(choice, rules)]
         if not counted:
             return level.tolerance_db, 0, 0.0

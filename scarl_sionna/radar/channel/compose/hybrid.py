@@ -17,7 +17,7 @@ from scarl_sionna.core.errors import ParameterRangeError, ScarlError, SmallMirro
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.mirrors import MirrorSettings
-from scarl_sionna.core.settings.plan import OBJECT_SOLVERS, Share
+from scarl_sionna.core.settings.plan import OBJECT_SOLVERS, ChannelPlan, Share
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import watt_to_dbm
@@ -25,7 +25,8 @@ from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from scarl_sionna.radar.channel.sbr.bodies import Bodies
-from scarl_sionna.radar.channel.sbr.solve import solve_bodies
+from scarl_sionna.radar.channel.sbr.cost import Work, affordable
+from scarl_sionna.radar.channel.sbr.solve import solve_bodies, stations_of
 from scarl_sionna.radar.channel.scatterers import PlacedModel, solve_scatterers
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.paths import RadarPaths
@@ -36,6 +37,7 @@ from .mirror_chains import mirror_chains, most_mirrors
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .plan import ResolvedPlan, resolve
+from .spend import num_pairs
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -83,6 +85,8 @@ def solve_hybrid(
         If the plan names what is not in the scene.
     PlacementError
         If the radar or one of its antennas is inside a mesh.
+    BudgetError
+        If the shares of `sbr` are expected to take more processor time or memory than the budgets of `accuracy`.
     """
     refuse_receiver("hybrid", receiver)
     plan, pose = settings.plan, mount.pose
@@ -93,7 +97,11 @@ def solve_hybrid(
     resolved = resolve(plan, state.world)
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     check_antennas(state, radar, pose)
-    work = _Work(state, radar, mount, settings.with_(max_distance=reach, instances=None), resolved)
+    settings, estimate = settings.with_(max_distance=reach, instances=None), None
+    if settings.method == "hybrid":  # 'auto' has spent its budget on the plan already
+        plan, estimate = _affordable(state, radar, mount, settings, resolved)
+        resolved = replace(resolved, plan=plan)
+    work = _Work(state, radar, mount, settings, resolved)
     rank = {name: number for number, name in enumerate(OBJECT_SOLVERS)}
     order = sorted(range(len(plan.shares)), key=lambda index: (rank[plan.shares[index].solver], index))
     for index in order:
@@ -107,7 +115,32 @@ def solve_hybrid(
         for index in order:
             for objects, over in resolved.reflections[index]:
                 work.ghosts(plan.shares[index], resolved.owned[index], objects, _of_instances(state, mirrors, over))
-    return work.result()
+    found = work.result()
+    return found if estimate is None else replace(found, diagnostics={**found.diagnostics, "estimate": estimate})
+
+
+def _affordable(
+    state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings, resolved: ResolvedPlan
+) -> tuple[ChannelPlan, dict[str, Any]]:
+    """Return the plan with knobs of `sbr` that are within the budgets, and what that is expected to cost.
+
+    What is seen over mirrors counts as often as there are pairs of a way there and a way back, by the share of the
+    objects that it is asked for.
+    """
+    plan, work = resolved.plan, {}
+    for index, (share, owned) in enumerate(zip(plan.shares, resolved.owned, strict=True)):
+        if share.solver == "sbr" and owned:
+            own = settings if share.settings is None else settings.with_(sbr=share.settings)
+            over = resolved.reflections[index]
+            more = sum(len(objects) * (num_pairs(len(mirrors)) - 1) for objects, mirrors in over)
+            stations = stations_of(radar, mount)
+            work[index] = Work(Bodies(state, radar, own, owned), stations, 1.0 + more / len(owned))
+    knobs, cost = affordable(list(work.values()), settings.accuracy, settings.auto.levels)
+    shares = list(plan.shares)
+    for index, chosen in zip(work, knobs, strict=True):
+        if chosen != work[index].bodies.knobs:
+            shares[index] = replace(shares[index], settings=chosen)
+    return replace(plan, shares=tuple(shares)), cost.report()
 
 
 def _of_instances(

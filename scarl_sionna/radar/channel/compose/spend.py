@@ -52,10 +52,10 @@ class Choice:
     @property
     def cost(self) -> int:
         """Tubes over all pairs of ways."""
-        return self.tubes * _num_pairs(len(self.mirrors))
+        return self.tubes * num_pairs(len(self.mirrors))
 
 
-def _num_pairs(mirrors: int) -> int:
+def num_pairs(mirrors: int) -> int:
     """Return the number of pairs of a way there and a way back, the reverse of each not counted."""
     return (mirrors + 1) * (mirrors + 2) // 2
 
@@ -87,7 +87,7 @@ def spend(own: Sequence[Choice], cost: Mapping[int, int], served: Collection[int
         left -= _take(choice, (), left)
     others = [one for one in own if one.item.info.actor is None]
     whole = {id(choice): possible[id(choice)][:1] for choice in others}
-    for choice in sorted(others, key=lambda one: one.tubes * _num_pairs(len(whole[id(one)]))):
+    for choice in sorted(others, key=lambda one: one.tubes * num_pairs(len(whole[id(one)]))):
         left -= _take(choice, whole[id(choice)], left)
     for choice in (one for one in others if one.over_budget):
         left -= _take(choice, (), left)
@@ -110,7 +110,7 @@ def _place(wanted: tuple[Choice, Change, int]) -> tuple[bool, float]:
 
 def _take(choice: Choice, changes: Sequence[Change], left: int) -> int:
     """Take an object, with some reflections, if the budget pays for all of that; return what it costs."""
-    price = choice.tubes * _num_pairs(len(changes))
+    price = choice.tubes * num_pairs(len(changes))
     if price > left:
         return 0
     choice.over_budget = False
@@ -120,7 +120,7 @@ def _take(choice: Choice, changes: Sequence[Change], left: int) -> int:
 
 def _add(choice: Choice, change: Change, left: int) -> int:
     """Add a mirror if the budget pays for it; return what it costs."""
-    more = choice.tubes * (_num_pairs(len(choice.mirrors) + 1) - _num_pairs(len(choice.mirrors)))
+    more = choice.tubes * (num_pairs(len(choice.mirrors) + 1) - num_pairs(len(choice.mirrors)))
     if more > left:
         return 0
     choice.mirrors.append(change.mirror)

@@ -20,7 +20,10 @@ _LARGEST_KEY = 1 << 62
 
 
 def joined(blocks: list[Columns], max_depth: int) -> Columns:
-    """Return the columns of all bounces, instances padded with -1."""
+    """Return the columns of all bounces, instances padded with -1.
+
+    The blocks are emptied column by column, so that no more than one column is in memory twice.
+    """
     columns: Columns = {
         "tx_point": np.zeros((0, 3)),
         "rx_point": np.zeros((0, 3)),
@@ -38,11 +41,19 @@ def joined(blocks: list[Columns], max_depth: int) -> Columns:
     for block in blocks:
         depth = block["instance"].shape[1]
         block["instance"] = np.pad(block["instance"], [(0, 0), (0, max_depth - depth)], constant_values=-1)
-    return {name: np.concatenate([column, *(block[name] for block in blocks)]) for name, column in columns.items()}
+    return {name: np.concatenate([column, *(block.pop(name) for block in blocks)]) for name, column in columns.items()}
+
+
+def _taken(columns: Columns, rows: npt.NDArray[Any]) -> Columns:
+    """Return some rows (numbers or a mask); `columns` is emptied column by column."""
+    return {name: columns.pop(name)[rows] for name in list(columns)}
 
 
 def in_order(columns: Columns) -> Columns:
-    """Return the rows by kind, depth, instances and length; equal ones stay as they were traced."""
+    """Return the rows by kind, depth, instances and length; equal ones stay as they were traced.
+
+    `columns` is emptied.
+    """
     key = columns["diffuse"].astype(np.int64)
     for column in (columns["depth"], *columns["instance"].T):
         width = int(column.max(initial=0)) + 2
@@ -50,7 +61,7 @@ def in_order(columns: Columns) -> Columns:
             key = np.unique(key, return_inverse=True)[1]
         key = key * width + (column + 1)
     order = np.lexsort((columns["length"], key))
-    return {name: column[order] for name, column in columns.items()}
+    return _taken(columns, order)
 
 
 def received(columns: Columns, radar: RadarSpec, tx: Pose, rx: Pose) -> Array:
@@ -63,7 +74,7 @@ def received(columns: Columns, radar: RadarSpec, tx: Pose, rx: Pose) -> Array:
 def above_floor(
     columns: Columns, amplitude: Array, radar: RadarSpec, floor_db: float | None
 ) -> tuple[Columns, dict[str, float | None]]:
-    """Return the rows without the weakest of each range bin, and what was left out."""
+    """Return the rows without the weakest of each range bin, and what was left out; `columns` is emptied."""
     report: dict[str, float | None] = {
         "floor_db": floor_db,
         "num_dropped": 0,
@@ -85,4 +96,4 @@ def above_floor(
         report["dropped_power"] = float(np.sum(amplitude[dropped] ** 2))
         worst = float(np.bincount(bins[dropped], amplitude[dropped]).max() ** 2 / noise)
         report["in_phase_to_noise_db"] = 10.0 * float(np.log10(worst)) if worst > 0.0 else None
-    return {name: column[~dropped] for name, column in columns.items()}, report
+    return _taken(columns, ~dropped), report

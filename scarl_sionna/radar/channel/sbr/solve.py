@@ -24,14 +24,15 @@ from scarl_sionna.engine.rays.overlap import seen_overlaps
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.optics.edges.near_field import EdgeView, edge_rows
 from scarl_sionna.radar.optics.near_field import NearField, radiated
-from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Tracer, Viewpoint
 from scarl_sionna.radar.paths import RadarPaths, bend_of
 
 from .bodies import Bodies
+from .cost import Work, affordable, check_memory, with_knobs
 from .diffuse import rough_pieces, scattered_rows, way_back
 from .edge_rows import with_edges
 from .rows import Columns, above_floor, in_order, joined, received
+from .tracing import first_faces, tracer_between
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -53,7 +54,8 @@ def solve_sbr(
     mount : Mount
         Pose and velocity of the radar.
     settings : RadarSettings
-        Its `sbr` (bounces, size of the patches, rays, and what is too weak to be kept), `max_distance` (paths longer
+        Its `sbr` (bounces, size of the patches, rays, and what is too weak to be kept), the budgets of its `accuracy`
+        (what a solve over them becomes: docs/sbr.md, cost), `max_distance` (paths longer
         than twice this are left out; the unambiguous range if None) and `instances` (what scatters; every actor and
         every object if None. The rest, ground, verges, a wood, hides what is behind it and is named in
         ``diagnostics["left_out"]``).
@@ -63,7 +65,8 @@ def solve_sbr(
     Returns
     -------
     RadarPaths
-        One row a patch, sorted. `tx_point` is the patch as the transmitter sees it through the mirrors before
+        ``diagnostics["estimate"]`` is what the solve was expected to cost, before it started. One row a patch, sorted.
+        `tx_point` is the patch as the transmitter sees it through the mirrors before
         it, `rx_point` the patch itself. The last interaction of a row is the scattering patch, those before are mirror
         reflections.
 
@@ -75,6 +78,8 @@ def solve_sbr(
         If a material that scatters has no data at the middle of the band.
     UnknownNameError
         If `instances` names something that is not in the scene.
+    BudgetError
+        If the solve is expected to take more processor time or memory than the budgets of `accuracy`, before it starts.
     ParameterRangeError
         If the scene needs more patches than `max_patches`.
 
@@ -102,7 +107,17 @@ def solve_sbr(
     for station in [mount] if receiver is None else [mount, receiver]:
         check_antennas(state, radar, station.pose)
     chosen, left_out = _chosen(state, settings.instances)
-    return solve_bodies(Bodies(state, radar, settings, chosen), mount, receiver, left_out)
+    bodies = Bodies(state, radar, settings, chosen)
+    work = Work(bodies, stations_of(radar, mount, receiver))
+    (knobs,), cost = affordable([work], settings.accuracy, settings.auto.levels)
+    found = solve_bodies(with_knobs(bodies, knobs), mount, receiver, left_out)
+    return replace(found, diagnostics={**found.diagnostics, "estimate": cost.report()})
+
+
+def stations_of(radar: RadarSpec, mount: Mount, receiver: Mount | None = None) -> tuple[Viewpoint, Viewpoint]:
+    """Return transmitter and receiver of a solve, the same object for a monostatic radar."""
+    tx = Viewpoint.of(radar, mount.pose, mount.twist.linear)
+    return tx, tx if receiver is None else Viewpoint.of(radar, receiver.pose, receiver.twist.linear)
 
 
 def solve_bodies(
@@ -125,9 +140,7 @@ def solve_bodies(
     ParameterRangeError
         If the scene needs more patches than `max_patches`.
     """
-    tx = Viewpoint.of(bodies.radar, mount.pose, mount.twist.linear)
-    rx = tx if receiver is None else Viewpoint.of(bodies.radar, receiver.pose, receiver.twist.linear)
-    found = solve_between(bodies, (tx, rx))
+    found = solve_between(bodies, stations_of(bodies.radar, mount, receiver))
     _warn_of_bodies(bodies, mount.pose.position, found)
     return replace(
         found,
@@ -161,13 +174,13 @@ def solve_between(
     knobs, (tx, rx) = bodies.knobs, stations
     clock = time.perf_counter()
     faces, reach = bodies.faces, bodies.reach
-    apart = float(np.linalg.norm(tx.pose.position - rx.pose.position))  # the way there is at most half of it longer
-    start = np.flatnonzero((bodies.scatters if lit is None else bodies.of(lit)) & ~faces.repeated)
-    start = start[tx.may_see(faces, start, reach + apart / 2.0)]
+    start = first_faces(bodies, stations, lit)
     blocks: list[Columns] = []
     rough: dict[int, list[Columns]] = {}
+    num_rows = 0
     with bodies.active():
-        size = PatchSize.of(bodies.radar, knobs)
+        tracer = tracer_between(bodies, stations)
+        size = tracer.size
         near = NearField(
             bodies.rays,
             bodies.surfaces,
@@ -179,23 +192,11 @@ def solve_between(
             size.duration,
             size.max_turn,
         )
-        tracer = Tracer(
-            bodies.rays,
-            faces,
-            bodies.scatters,
-            bodies.sheets,
-            tx,
-            rx,
-            reach,
-            size,
-            knobs.for_scene(),
-            bodies.panes,
-            bodies.velocity,
-            bodies.narrow,
-        )
         for patches in tracer.bounces(start):
             if len(patches):
                 blocks += [_rows(bodies.state, tracer, near, some, rough) for some in near.kinds(patches)]
+                num_rows += len(blocks[-1]["length"])
+                check_memory(bodies, num_rows)
         if knobs.edge_diffraction and tx.window is None and rx.window is None:
             edges = EdgeView(bodies.state, faces, bodies.rays, tx, rx, reach, size, knobs.max_patches)
             seen = np.unique(bodies.state.world.parts.instance[faces.part[start]]).tolist()
