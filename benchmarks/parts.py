@@ -105,6 +105,23 @@ def random_signal(count: int) -> Call:
     return lambda index: ss.synthesize(paths, spec, accuracy=ss.Accuracy(**STRAIGHT))
 
 
+def whole_sbr(place: tuple[ss.World, float]) -> Call:
+    """Return a call that solves all objects of a place by `sbr`, three bounces, and synthesizes their signal.
+
+    The settings are the finest of the default and the levels of `auto` that are expected to be within 20 CPU s, 3 GiB.
+    """
+    world, start = place
+    state, spec = world.at(start), ss.RadarSpec.preset("awr1843boost")
+    mount = state.mount(world.ego, ss.Rig.front()[BOARD].vehicle_from_sensor)
+    budget = {"cpu_budget": 20.0, "memory_budget": 3.0, "over_budget": "coarsen"}
+
+    def call(index: int) -> Any:
+        paths = ss.solve_paths(state, spec, mount, "sbr", **budget)
+        return ss.synthesize(paths, spec)
+
+    return call
+
+
 PARTS: dict[str, Callable[[], Call]] = {
     "suite-town": lambda: suites(town(), "front"),
     "suite-highway": lambda: suites(highway(), "front"),
@@ -112,6 +129,7 @@ PARTS: dict[str, Callable[[], Call]] = {
     "six-highway": lambda: suites(highway(), "scarl"),
     "radar-town": lambda: radar(town()),
     "radar-highway": lambda: radar(highway()),
+    "sbr-highway": lambda: whole_sbr(highway()),
     "raycast-highway": lambda: raycast(highway()),
     "raycast-crossing": lambda: raycast(crossing()),
     "sidelobes-highway": lambda: labels(highway(), "sidelobes"),

@@ -29,7 +29,7 @@ LEAST_SECONDS, SECONDS_OF_TUBE, SECONDS_OF_PATCH = 0.3, 1.0e-5, 3.5e-6
 docs/sbr.md, cost."""
 BYTES_OF_PATCH = 700.0
 """Memory of what a patch leaves, at the moment of the most; docs/sbr.md, cost."""
-LEAST_GIB = 0.2
+LEAST_GIB = 0.4
 """Memory of what is worked at once, whatever the number of tubes [GiB]; docs/sbr.md, cost."""
 
 
