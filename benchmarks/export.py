@@ -10,11 +10,12 @@ its cache in memory.
 from __future__ import annotations
 
 import argparse
+import resource
 import shutil
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -121,26 +122,32 @@ def store(quality: str, count: int, place: Path) -> tuple[float, float]:
     return num_bytes, encoding
 
 
-def export_times(quality: str, count: int, place: Path) -> ExportReport:
-    """Run exports in this process and in one and two workers; return the report of the first."""
+def cpu_and_system() -> tuple[float, float]:
+    """Return CPU seconds of this process and of those that it has waited for, and the system's part of them."""
+    spent = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    system = sum(one.ru_stime for one in spent)
+    return sum(one.ru_utime for one in spent) + system, system
+
+
+def export_times(quality: str, count: int, place: Path, numbers: Sequence[int]) -> ExportReport:
+    """Run exports in this process and in some numbers of workers; return the report of the first."""
     scenario = ScenarioSpec(quality=quality, num_frames=count, name="drive")
     options = StoreOptions(shard_frames=max(count // 4, 1))
-    reports = {}
-    for name, workers in (("this process", 0), ("1 worker", 1), ("2 workers", 2)):
-        cpu = time.process_time()
+    reports, rows = {}, []
+    for workers in (0, *numbers):
+        name = f"{workers} worker{'s'[: workers - 1]}" if workers else "this process"
+        before = cpu_and_system()
         reports[name] = report = export(
             [scenario], place / name.replace(" ", "_"), ExportSettings(workers, options=options)
         )
+        cpu, system = (np.subtract(cpu_and_system(), before) / count).tolist()
         stages = ", ".join(f"{stage} {taken / count:.3f}" for stage, taken in report.seconds.items())
-        own = f", {(time.process_time() - cpu) / count:.2f} s CPU" if workers == 0 else ""
-        print(
-            f"{name}: {report.wall_seconds / count:.2f} s a frame{own}; by stage, summed over processes [s]: {stages}",
-            flush=True,
-        )
-    times = {name: report.wall_seconds for name, report in reports.items()}
-    print("\n| export | wall a frame, start included | speed-up |\n|---|---|---|")
-    for name, seconds in times.items():
-        print(f"| {name} | {seconds / count:.2f} s | {times['1 worker'] / seconds:.2f} |")
+        print(f"{name}: by stage, summed over processes, a frame [s]: {stages}", flush=True)
+        rows.append((name, report.wall_seconds / count, cpu, system))
+    print("\n| export, a frame, start included | wall [s] | CPU [s] | of it system [s] | CPU to this process |")
+    print("|---|---|---|---|---|")
+    for name, wall, cpu, system in rows:
+        print(f"| {name} | {wall:.2f} | {cpu:.2f} | {system:.2f} | {cpu / rows[0][2]:.2f} |")
     first = reports["this process"]
     simulation = sum(first.seconds.get(stage, 0.0) for stage in ("world", "camera", "lidar", "radar"))
     print("\n| stage, this process | s a frame | of the simulation |\n|---|---|---|")
@@ -174,6 +181,9 @@ def main() -> None:
     parser.add_argument("--part", default="all", choices=("store", "export", "all"))
     parser.add_argument("--quality", default="draft", choices=("draft", "full"))
     parser.add_argument("--frames", type=int, default=12)
+    parser.add_argument(
+        "--workers", type=int, nargs="+", default=(1, 2), help="processes of the exports after the first"
+    )
     args = parser.parse_args()
     warnings.simplefilter("ignore", ScarlWarning)
     print(machine())
@@ -184,7 +194,7 @@ def main() -> None:
             num_bytes, encoding = store(args.quality, args.frames, place / "store")
         if args.part != "store":
             print()
-            report = export_times(args.quality, args.frames, place)
+            report = export_times(args.quality, args.frames, place, args.workers)
             projection(report, args.frames, num_bytes or report.num_bytes / args.frames)
         if encoding is not None and args.part == "all":
             print(f"\ncompression: {encoding:.3f} s CPU a frame")

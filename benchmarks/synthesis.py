@@ -1,14 +1,13 @@
-"""Beat signal synthesis: error against time, and against the plain sum and Sionna RT's ``Paths.cfr``.
+"""Beat signal synthesis: error against time.
 
-    python benchmarks/synthesis.py [--paths 100000] [--chart-paths 20000] [--rounds 3] [--figure FILE.png] [--no-sionna]
+    python benchmarks/synthesis.py [--paths 100000] [--chart-paths 20000] [--rounds 3] [--figure FILE.png]
 
 One process, interleaved rounds, the fastest of each; the first call apart. Points at random ranges, directions and
-radial velocities within +-70 m/s (the hardest case) and within 30 m/s (a drive). The plain sum runs on fewer paths,
-``Paths.cfr`` on the paths of a street of Sionna RT; both are scaled by paths x samples x pairs, which is their
-cost's law, and are marked so. CPU seconds stand beside wall seconds, since another load on the machine changes these
-most. A lone path is the hardest case for the error, for no other path hides it: it is one path of the chart's group,
-all others with no amplitude, so that it goes through the group's transforms. These tables are of straight paths with
-the rates of the array's centre (``motion_tolerance=None``), the transforms alone.
+radial velocities within +-70 m/s (the hardest case) and within 30 m/s (a drive). CPU seconds stand beside wall seconds,
+since another load on the machine changes these most; plain programs for the same numbers: ``benchmarks/anchors.py``.
+A lone path is the hardest case for the error, for no other path hides it: it is one path of the chart's group, all
+others with no amplitude, so that it goes through the group's transforms. These tables are of straight paths with the
+rates of the array's centre (``motion_tolerance=None``), the transforms alone.
 
 ``--cascade`` prints the time and the memory of one frame of 192 channels.
 
@@ -169,31 +168,6 @@ def cascade_row(name: str, count: int, senders: int) -> None:
     print(f"| {name} | {' x '.join(map(str, signal.shape))} | {wall:.3g} | {cpu:.3g} | {peak:.2f} | {before:.2f} |")
 
 
-def cfr_cost() -> tuple[float, int]:
-    """Return seconds of ``Paths.cfr`` a path and sample, and the paths of Sionna RT's street used for it."""
-    from scarl_sionna.engine import variant
-
-    with variant.radio():
-        import sionna.rt as rt
-
-        scene = rt.load_scene(rt.scene.simple_street_canyon, merge_shapes=False)
-        scene.frequency = 3.5e9  # its materials have no data at 77 GHz; the frequency does not change the cost
-        array = rt.PlanarArray(num_rows=1, num_cols=1, pattern="iso", polarization="V")
-        scene.tx_array = scene.rx_array = array
-        scene.add(rt.Transmitter("tx", position=[-30.0, 0.0, 2.0]))
-        scene.add(rt.Receiver("rx", position=[20.0, 3.0, 2.0]))
-        paths = rt.PathSolver()(scene, max_depth=4, samples_per_src=10**5, diffuse_reflection=True)
-        count = int(np.prod(np.asarray(paths.tau.numpy()).shape))
-        frequencies = np.linspace(0.0, 3e8, 512).astype(np.float32)
-        fastest = np.inf
-        for _ in range(4):  # the first compiles
-            _, wall, _ = timed(
-                lambda: paths.cfr(frequencies, sampling_frequency=26e3, num_time_steps=256, out_type="numpy")
-            )
-            fastest = min(fastest, wall)
-    return fastest / (count * 512 * 256), count
-
-
 def machine() -> str:
     """Return what the figures were measured on."""
     parts = [f"{usable_cores()} cores", platform.machine(), f"Python {platform.python_version()}"]
@@ -207,13 +181,11 @@ def main() -> None:
     parser.add_argument("--chart-paths", type=int, default=20_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--figure", type=Path)
-    parser.add_argument("--no-sionna", action="store_true")
     parser.add_argument("--motion", action="store_true", help="only the table of exact motion")
     parser.add_argument("--cascade", choices=CASCADE, help="only a frame of 12 x 16 antennas with a waveform")
     parser.add_argument("--senders", type=int, default=12, help="of these antennas, for a part of that frame")
     options = parser.parse_args()
     radar = RadarSpec()
-    cells = radar.num_virtual * radar.num_chirps * radar.num_samples
     print(machine(), f"load {os.getloadavg()[0]:.1f}")
     if options.cascade:
         cascade_row(options.cascade, options.paths, options.senders)
@@ -223,9 +195,8 @@ def main() -> None:
         return
 
     cases = {"+-70 m/s": (-70.0, 70.0), "-30..0 m/s": (-30.0, 0.0)}
-    few = random_points(radar, 40, -70.0, 70.0)
     rows: dict[str, list[tuple[float, float]]] = {}
-    for round_index in range(options.rounds):
+    for _ in range(options.rounds):
         for label, (slowest, fastest) in cases.items():
             paths = random_points(radar, options.paths, slowest, fastest)
             for tolerance in (1e-4, 1e-5):
@@ -233,14 +204,6 @@ def main() -> None:
                 _, wall, cpu = timed(lambda p=paths, a=accuracy: synthesize(p, radar, accuracy=a))
                 name = f"fast, {label}, tolerance {tolerance:g}"
                 rows.setdefault(name, []).append((wall, cpu))
-        if round_index == 0:
-            _, wall, cpu = timed(lambda: synthesize(few, radar, accuracy=Accuracy(**STRAIGHT), method="direct"))
-            scale = options.paths / few.num_paths
-            rows["plain sum (scaled from 40 paths)"] = [(wall * scale, cpu * scale)]
-    if not options.no_sionna:
-        cost, count = cfr_cost()
-        wall = cost * options.paths * cells
-        rows[f"sionna.rt Paths.cfr (scaled from {count} paths, one pair)"] = [(wall, float("nan"))]
     print(
         f"\n| {options.paths} paths, 12 channels, "
         "512 x 256 | first [s] | fastest wall [s] | CPU [s] |\n|---|---|---|---|"

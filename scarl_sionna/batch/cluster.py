@@ -116,8 +116,10 @@ def _no_worker_errors(distributed: ModuleType) -> tuple[type[Exception], ...]:
 
 def work(job: ShardJob, threads: int | None) -> ShardReport:
     """Make a shard in a worker and tell the client of each frame."""
+    from scarl_sionna.engine.memory import keep_freed_memory
     from scarl_sionna.engine.threads import limit_threads
 
+    keep_freed_memory()
     if job.target is None and not (Path(job.root) / MANIFEST).exists():
         raise OutputError(
             f"this worker does not see the dataset {job.root}; give --out on a file system that all workers mount"
@@ -193,6 +195,7 @@ def _local_client(distributed: ModuleType, count: int) -> Iterator[Client]:
         # Dask gives a worker up for good that is not back after 15 s, and waits for ever when all are given up
         "distributed.deploy.lost-worker-timeout": "1h",
         "distributed.scheduler.no-workers-timeout": f"{RESTART_SECONDS:g}s",
+        "distributed.worker.profile.enabled": False,  # a hundred looks a second at the stacks of all threads
     }
     with dask.config.set(settings), _muted(), ExitStack() as opened:
         try:

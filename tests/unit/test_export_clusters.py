@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
 import shutil
 import subprocess
+import sys
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
 
-from scarl_sionna.batch.cluster import _local_client, run_on_cluster
+from scarl_sionna.batch.cluster import _local_client, run_on_cluster, work
 from scarl_sionna.batch.estimate import Estimate
-from scarl_sionna.core.errors import ExportError, ScarlWarning
+from scarl_sionna.core.errors import ExportError, OutputError, ScarlWarning
 
 SCRIPT = Path(__file__).resolve().parents[2] / "examples/slurm_export.sh"
 pytestmark = pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
@@ -93,3 +96,30 @@ def test_workers_that_are_killed_while_they_start_are_told(monkeypatch: pytest.M
     told = r"2 worker processes .* \(Nanny failed to start\.\).*call the export again"
     with pytest.raises(ExportError, match=told), _local_client(distributed, 2):
         pass
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="page faults of glibc's allocator")
+def test_workers_keep_freed_memory_for_the_next_arrays_and_their_algebra_has_one_thread(tmp_path: Path) -> None:
+    """Dask tells glibc to give each array over 128 kB back, so that each frame mapped 900,000 pages anew."""
+    distributed = pytest.importorskip("distributed")
+
+    job = SimpleNamespace(target=None, root=str(tmp_path), name="none")
+
+    def faults() -> tuple[int, str | None]:
+        import resource
+
+        import numpy
+
+        with contextlib.suppress(OutputError):
+            work(job, None)  # there is no such dataset
+        for _ in range(5):
+            numpy.ones(300_000)
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        for _ in range(50):
+            numpy.ones(300_000)
+        return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before, os.environ.get("OPENBLAS_NUM_THREADS")
+
+    with _local_client(distributed, 1) as client:
+        found, threads = client.submit(faults).result()
+    assert threads == "1"
+    assert found < 50 * 300_000 * 8 / 4096 / 10  # a tenth of all of their pages

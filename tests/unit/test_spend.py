@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.auto import AutoSettings
 from scarl_sionna.radar.channel.compose import choose
 from scarl_sionna.radar.channel.compose.reflections import Change
@@ -108,6 +109,6 @@ def test_a_level_that_computes_road_users_comes_before_one_that_is_better_on_ave
         choose, "_num_tubes", lambda _, choice, level: prices[level.tolerance_db]["car" not in choice.item.name]
     )
     for budget, taken in ((1100, fine), (105, rough), (90, fine)):
-        view = SimpleNamespace(rules=rules, settings=SimpleNamespace(accuracy=SimpleNamespace(tube_budget=budget)))
+        view = SimpleNamespace(rules=rules, settings=SimpleNamespace(accuracy=Accuracy(tube_budget=budget)))
         assert choose._level_to_take(view, own, [], (fine, rough)) is taken  # type: ignore[arg-type]
         assert own[0].over_budget == (budget == 90)

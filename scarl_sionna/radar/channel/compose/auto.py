@@ -180,7 +180,7 @@ def _warn_of_reflections(choices: list[Choice], view: View) -> None:
         f"{len(without)} of {len(coherent)} objects are computed without reflections (ground bounce, walls) that can "
         f"change their echo by more than the tolerance of {tolerance:g} dB, most of "
         f"all '{name}' over '{mirror}', {most}: the tube budget does not pay for them; raise "
-        f"Accuracy.{view.tube_budget[1]}, or see diagnostics['choices'] for each",
+        f"Accuracy.{affordable_tubes(view.settings.accuracy, view.rules)[1]}, or see diagnostics['choices'] for each",
         ScarlWarning,
         stacklevel=2,
     )

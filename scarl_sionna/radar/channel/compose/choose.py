@@ -61,11 +61,6 @@ class View:
         return self.radar.max_range if limit is None else limit
 
     @cached_property
-    def tube_budget(self) -> tuple[int, str]:
-        """Tubes that all budgets pay for, and the name of the least of them."""
-        return affordable_tubes(self.settings.accuracy, self.rules)
-
-    @cached_property
     def items(self) -> list[Estimate]:
         """All instances, road users first, then the strongest by class."""
         state, radar = self.state, self.radar
@@ -161,7 +156,7 @@ def choose(view: View) -> Chosen:
     level = _level_to_take(view, own, mirrors, (finest, *reversed(coarser)))
     for choice in own:
         if choice.over_budget:
-            budget = view.tube_budget[0]
+            budget, _ = affordable_tubes(view.settings.accuracy, view.rules)
             text = f"{choice.tubes} tubes are more than is left of the budget of {budget}: RCS by class"
             choice.method, choice.reason, choice.tubes = "raycast", text, 0
     return Chosen(list(choices.values()), mirrors, level)
@@ -174,10 +169,11 @@ def _level_to_take(view: View, own: list[Choice], mirrors: list[Mirror], levels:
     their class decides, then the mean error.
     """
     rules = view.rules
+    budget, _ = affordable_tubes(view.settings.accuracy, rules)
 
     def error(level: SbrLevel) -> tuple[float, int, float]:
         cost = {choice.item.number: _num_tubes(view, choice, level) for choice in own}
-        spend(own, cost, {mirror.number for mirror in mirrors}, view.tube_budget[0])
+        spend(own, cost, {mirror.number for mirror in mirrors}, budget)
         counted = [choice for choice in own if counts(choice, rules)]
         if not counted:
             return level.tolerance_db, 0, 0.0
