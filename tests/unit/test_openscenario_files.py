@@ -118,12 +118,10 @@ def test_errors_name_line_and_what_would_do(tmp_path, old, new, kind, words):
 
 
 def test_all_that_is_not_read_is_named_at_once(tmp_path):
-    wrong = '<PrivateAction><LateralAction><LateralDistanceAction entityRef="Ego"/></LateralAction></PrivateAction>'
-    act = files.group(
-        "Ego", files.event(wrong, files.after(2.0)), files.event(wrong.replace("Ego", "x"), files.after(3.0))
-    )
+    wrong = "<PrivateAction><RoutingAction><RandomRouteAction/></RoutingAction></PrivateAction>"
+    act = files.group("Ego", files.event(wrong, files.after(2.0)), files.event(wrong, files.after(3.0)))
     text = files.scenario(files.vehicle("Ego"), files.init("Ego", files.on_lane(20.0)), act.replace("><", ">\n<"))
-    with pytest.raises(UnsupportedElementError, match="LaneOffsetAction") as caught:
+    with pytest.raises(UnsupportedElementError, match="AssignRouteAction") as caught:
         read_openscenario(files.written(tmp_path, text))
     assert len(caught.value.problems) == 2
 

@@ -73,6 +73,8 @@ class Distance:
         along = node.truth("alongRoute", False)
         self.system = node.choice("coordinateSystem", SYSTEMS, "road" if along else "entity")
         self.kind = node.choice("relativeDistanceType", TYPES, "longitudinal" if along else kind)
+        if kind == "lateral":  # of an action, which is always along the road
+            self.system, self.kind = node.choice("coordinateSystem", SYSTEMS, "road"), kind
         if self.system == "trajectory":
             raise node.unsupported("coordinateSystem entity, lane and road are read")
 

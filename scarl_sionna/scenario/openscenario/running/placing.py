@@ -10,10 +10,11 @@ from scarl_sionna.scenario.openscenario.reading.source import Node
 from scarl_sionna.scenario.openscenario.roads.network import Roads, Spot
 
 from .actions import START, Action, Stage
+from .distances import Distance
 from .dynamics import SHAPES, Transition
 from .motion import Motion
 from .positions import Place, beside, read_position, read_route
-from .processes import Process, Shift
+from .processes import KeepAside, Process, Shift
 from .shapes import Follow, Trajectory
 
 GAP = 0.5
@@ -91,6 +92,34 @@ class LaneOffsetAction(Action):
         return shifted(
             stage, actor, Transition(self._shape, "time", time), wanted, self.node, is_continuous=self._is_continuous
         )
+
+
+class LateralDistanceAction(Action):
+    """LateralAction/LateralDistanceAction."""
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(node)
+        self._other = node.text("entityRef")
+        self._measure = Distance(node, "lateral")
+        self._gap = node.number("distance", 0.0, 0.0, unit="m")
+        words = ("any", "leftToReferencedEntity", "rightToReferencedEntity")
+        self._displacement = node.choice("displacement", words, "any")
+        self._is_continuous = node.truth("continuous")
+        constraints = node.child("DynamicConstraints")
+        names = ("maxAcceleration", "maxDeceleration", "maxSpeed")
+        limits = [math.inf] * 3 if constraints is None else [constraints.limit(name) for name in names]
+        self._limits = (min(limits[0], _GENTLE), min(limits[1], _GENTLE), limits[2])
+
+    def begin(self, stage: Stage, actor: str) -> Process | None:
+        """Begin to keep the distance, on the side that is stated, else on the one where the actor is."""
+        on_roads(stage, actor, self.node)
+        now = self._measure.signed(stage, actor, self._other)
+        if now is None:
+            raise self.node.error(f"'{self._other}' is not on the roads")
+        side = 1.0 if now >= 0.0 else -1.0
+        if self._displacement != "any":
+            side = 1.0 if self._displacement == "rightToReferencedEntity" else -1.0
+        return KeepAside(actor, self._other, self._measure, self._gap, side, self._is_continuous, self._limits)
 
 
 def offset_time(shape: str, change: float, acceleration: float) -> float:

@@ -120,6 +120,10 @@ class KeepDistance(Process):
         other = world.motion(self.other, self.measure.node)
         return error is not None and abs(error) < 0.05 and abs(other.speed - motion.speed) < 0.05
 
+    def last_speed(self, world: World) -> float | None:
+        """Return the speed of the other one, so that the distance stays."""
+        return world.motion(self.other, self.measure.node).speed
+
     def advanced(self, motion: Motion, until: float, world: World) -> tuple[float, float]:
         """Return way and speed under the law above."""
         step, (gain, brake, top) = until - motion.time, self.limits
@@ -133,6 +137,44 @@ class KeepDistance(Process):
         change = min(max((wanted - motion.speed) / 0.4, -brake), gain) * step
         change = max(change, -motion.speed)
         return (motion.speed + 0.5 * change) * step, motion.speed + change
+
+
+@dataclass(frozen=True, eq=False)
+class KeepAside(Process):
+    """Goes to a lateral distance to another entity and keeps it, under the law of `KeepDistance`."""
+
+    actor: str
+    other: str
+    measure: Distance
+    gap: float
+    side: float
+    is_continuous: bool
+    limits: tuple[float, float, float]
+
+    domains = frozenset({"lateral"})
+
+    def _error(self, world: World) -> float | None:
+        """Return how far the entity has to go to the left [m]; `side` is 1 where the other is to be to its left."""
+        now = self.measure.signed(world, self.actor, self.other)
+        return None if now is None else now - self.side * self.gap
+
+    def finished(self, motion: Motion, world: World) -> bool:
+        """Return whether the distance is reached, unless it goes on for good."""
+        error = self._error(world)
+        return not self.is_continuous and error is not None and abs(error) < 0.02 and abs(motion.drift) < 0.02
+
+    def left(self, motion: Motion, until: float, travelled: float, world: World) -> float:
+        """Return the offset to the left under the law."""
+        step, (gain, brake, top) = until - motion.time, self.limits
+        error = self._error(world)
+        if error is None:
+            return motion.left
+        other = world.motion(self.other, self.measure.node)
+        same = 1.0 if math.cos(other.heading - motion.heading) >= 0.0 else -1.0
+        wanted = math.copysign(min(0.4 * abs(error), math.sqrt(2.0 * brake * abs(error))), error) + same * other.drift
+        wanted = min(max(wanted, -top), top)
+        change = min(max((wanted - motion.drift) / 0.4, -brake), gain) * step
+        return motion.left + (motion.drift + change) * step
 
 
 @dataclass(frozen=True, eq=False)

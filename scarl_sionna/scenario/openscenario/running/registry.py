@@ -11,13 +11,13 @@ from .placing import (
     FollowTrajectoryAction,
     LaneChangeAction,
     LaneOffsetAction,
+    LateralDistanceAction,
     TeleportAction,
     VisibilityAction,
 )
 from .processes import Process
 
 _REMEDY = {
-    "LateralDistanceAction": "use a LaneOffsetAction",
     "RandomRouteAction": "use an AssignRouteAction",
     "TrafficAction": "use the scenario file's own `traffic`, or name the vehicles",
     "InfrastructureAction": "leave it out: signals follow the map's controllers",
@@ -144,6 +144,7 @@ def _read(node: Node, catalogs: Catalogs) -> Action:
         "LongitudinalDistanceAction": DistanceAction,
         "LaneChangeAction": LaneChangeAction,
         "LaneOffsetAction": LaneOffsetAction,
+        "LateralDistanceAction": LateralDistanceAction,
         "VisibilityAction": VisibilityAction,
     }
     if node.tag in plain:

@@ -30,7 +30,8 @@ LONGEST = 300.0
 AFTER = 1.0
 """How long a run goes on after its end [s]: sensors look at instants within a frame."""
 _MOST_ROUNDS = 200
-_MOST_STEPS = 200_000
+MOST_STATES = 1_500_000
+"""States of entities in a run."""
 
 
 @dataclass
@@ -185,20 +186,20 @@ class Simulation:
         tracks: dict[str, list[Motion]] = {name: [] for name in self.entities}
         self._board.begin(self)
         stop, reason = math.inf, ""
-        steps = 0
+        states = 0
         while True:
             ended = self._settle()
             for name, motion in self.motions.items():
                 tracks[name].append(motion)
                 self._note_presence(name, motion)
+            states += len(self.motions)
             if math.isinf(stop):
-                stop, reason = self._end_of_run(ended, longest)
-            if self.time >= stop + AFTER - 1e-9 or steps > _MOST_STEPS:
+                stop, reason = self._end_of_run(ended, longest, states)
+            if self.time >= stop + AFTER - 1e-9 or states > 2 * MOST_STATES:
                 return Run(tracks, min(stop, self.time), reason, self._seen)
             self._advance()
-            steps += 1
 
-    def _end_of_run(self, ended: bool, longest: float) -> tuple[float, str]:
+    def _end_of_run(self, ended: bool, longest: float, states: int) -> tuple[float, str]:
         if ended:
             return self.time, "StopTrigger"
         hero = None if self._hero is None else self.motions.get(self._hero)
@@ -206,6 +207,8 @@ class Simulation:
             return self.time, f"'{self._hero}' comes to the end of the roads"
         if self.time >= longest - 1e-9:
             return self.time, f"no StopTrigger within {longest:g} s"
+        if states > MOST_STATES:
+            return self.time, f"more than {MOST_STATES} states of entities"
         return math.inf, ""
 
     def _note_presence(self, name: str, motion: Motion) -> None:

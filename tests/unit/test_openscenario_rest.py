@@ -1,0 +1,146 @@
+"""Actions of OpenSCENARIO that are rarer, and what ends or repeats them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import fresnel
+
+from scarl_sionna.scenario.openscenario.drive import read_drive
+from tests import openscenario_files as files
+
+BOTH = files.vehicle("Ego") + files.vehicle("other")
+
+
+def drive(folder, groups: str, *, ego: float = 20.0, other: str = "", stop: float = 10.0, **more):
+    actions = files.init("Ego", files.on_lane(20.0), ego) + (other or files.init("other", files.on_lane(300.0), 0.0))
+    return read_drive(files.written(folder, files.scenario(BOTH, actions, groups, stop, **more)))
+
+
+def at(found, name: str, time: float):
+    return min(found.run.tracks[name], key=lambda one: abs(one.time - time))
+
+
+@pytest.mark.parametrize("times", [(2.0, 3.0, 1.0), None])
+def test_a_profile_of_speeds(tmp_path, times):
+    speeds = (26.0, 26.0, 20.0)
+    entries = "".join(
+        f'<SpeedProfileEntry speed="{value!r}"{"" if times is None else f" time={chr(34)}{times[k]!r}{chr(34)}"}/>'
+        for k, value in enumerate(speeds)
+    )
+    action = (
+        '<PrivateAction><LongitudinalAction><SpeedProfileAction followingMode="position"><DynamicConstraints '
+        f'maxAcceleration="4" maxDeceleration="6"/>{entries}</SpeedProfileAction></LongitudinalAction></PrivateAction>'
+    )
+    found = drive(tmp_path, files.group("Ego", files.event(action, files.after(1.0))))
+    if times is None:  # as fast as the constraints allow
+        knots, values = [0.0, 1.0, 2.5, 3.5, 10.0], [20.0, 20.0, 26.0, 20.0, 20.0]
+    else:
+        knots, values = [0.0, 1.0, 3.0, 6.0, 7.0, 10.0], [20.0, 20.0, 26.0, 26.0, 20.0, 20.0]
+    area = np.r_[0.0, np.cumsum(np.diff(knots) * 0.5 * (np.array(values[1:]) + values[:-1]))]
+    for time in knots:
+        assert at(found, "Ego", time).speed == pytest.approx(np.interp(time, knots, values), abs=0.05)
+        assert at(found, "Ego", time).x == pytest.approx(20.0 + np.interp(time, knots, area), abs=0.25)
+    assert found.run.tracks["Ego"][-1].x == pytest.approx(20.0 + area[-1] + 20.0, abs=1e-3)
+
+
+def test_an_offset_relative_to_another_vehicle(tmp_path):
+    offset = (
+        '<PrivateAction><LateralAction><LaneOffsetAction continuous="false"><LaneOffsetActionDynamics '
+        'dynamicsShape="cubic" maxLateralAcc="1"/><LaneOffsetTarget><RelativeTargetLaneOffset entityRef="other" '
+        'value="0.4"/></LaneOffsetTarget></LaneOffsetAction></LateralAction></PrivateAction>'
+    )
+    other = files.init("other", files.on_lane(300.0, offset=-0.6), 10.0)
+    found = drive(tmp_path, files.group("Ego", files.event(offset, files.after(1.0))), other=other)
+    assert at(found, "Ego", 6.0).y == pytest.approx(-1.75 - 0.6 + 0.4, abs=1e-6)
+
+
+@pytest.mark.parametrize("side, wanted", [("leftToReferencedEntity", 1.0), ("rightToReferencedEntity", -1.0)])
+def test_a_lateral_distance_is_kept(tmp_path, side, wanted):
+    keep = (
+        f'<PrivateAction><LateralAction><LateralDistanceAction entityRef="other" distance="2.5" freespace="false" '
+        f'continuous="true" displacement="{side}"/></LateralAction></PrivateAction>'
+    )
+    change = files.lane_change('<AbsoluteTargetLane value="-1"/>', "cubic", "time", 4.0)
+    groups = files.group("Ego", files.event(keep, files.after(0.0)))
+    groups += files.group("other", files.event(change, files.after(6.0)), name="second")
+    found = drive(tmp_path, groups, other=files.init("other", files.on_lane(60.0, -2), 20.0), stop=30.0)
+    assert at(found, "Ego", 30.0).y - at(found, "other", 30.0).y == pytest.approx(2.5 * wanted, abs=0.02)
+    jumps = np.abs(np.diff([one.y for one in found.run.tracks["Ego"]]))
+    assert jumps.max() < 0.03
+
+
+def follow(inside: str, timing: str) -> str:
+    return (
+        "<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef>"
+        f'<Trajectory name="t" closed="false"><Shape>{inside}</Shape></Trajectory></TrajectoryRef>'
+        f'<TimeReference>{timing}</TimeReference><TrajectoryFollowingMode followingMode="position"/>'
+        "</FollowTrajectoryAction></RoutingAction></PrivateAction>"
+    )
+
+
+def test_a_spline_of_clothoids_joins_them(tmp_path):
+    start = '<PositionStart><RelativeLanePosition entityRef="Ego" dLane="0" ds="0"/></PositionStart>'
+    segment = '<ClothoidSplineSegment curvatureStart="{}" curvatureEnd="{}" length="40">{}</ClothoidSplineSegment>'
+    spline = f"<ClothoidSpline>{segment.format(0.0, 0.01, start)}{segment.format(0.01, 0.0, '')}</ClothoidSpline>"
+    found = drive(tmp_path, files.group("Ego", files.event(follow(spline, "<None/>"), files.after(1.0))), ego=10.0)
+    scale = math.sqrt(math.pi * 40.0 / 0.01)
+    y, x = fresnel(40.0 / scale)
+    middle, end = at(found, "Ego", 5.0), at(found, "Ego", 8.99)
+    assert [middle.x, middle.y] == pytest.approx([30.0 + scale * x, -1.75 + scale * y], abs=0.02)
+    assert end.heading == pytest.approx(0.4, abs=2e-3)  # the curvature's integral
+
+
+@pytest.mark.parametrize("domain, offset", [("absolute", 0.0), ("relative", -2.0)])
+def test_the_times_of_a_trajectory_are_moved_and_stretched(tmp_path, domain, offset):
+    vertices = "".join(
+        f'<Vertex time="{time!r}"><Position><WorldPosition x="{40.0 + 20.0 * k!r}" y="-1.75"/></Position></Vertex>'
+        for k, time in enumerate((1.0, 2.0, 3.0))
+    )
+    timing = f'<Timing domainAbsoluteRelative="{domain}" scale="2" offset="{offset!r}"/>'
+    act = files.group("Ego", files.event(follow(f"<Polyline>{vertices}</Polyline>", timing), files.after(2.0)))
+    found = drive(tmp_path, act, ego=10.0)
+    if domain == "absolute":  # at 40 m at 2 s, at 80 m at 6 s
+        assert at(found, "Ego", 4.0).x == pytest.approx(60.0, abs=0.02)
+        assert at(found, "Ego", 5.99).x == pytest.approx(79.9, abs=0.02)
+    else:  # it waits for nothing: the times begin at 2 s, the first is twice 1 s less 2 s
+        assert at(found, "Ego", 4.0).x == pytest.approx(60.0, abs=0.02)
+    assert at(found, "Ego", 8.0).y == pytest.approx(-1.75, abs=1e-3)
+
+
+def test_an_act_stops_what_runs_in_it(tmp_path):
+    group = files.group("Ego", files.event(files.speed(30.0, "linear", "time", 10.0), files.after(1.0)))
+    text = files.scenario(BOTH, files.init("Ego", files.on_lane(20.0), 20.0), group)
+    stopped = text.replace("</Act>", f"<StopTrigger>{files.after(4.0)}</StopTrigger></Act>")
+    with pytest.warns(match="never given a place"):
+        found = read_drive(files.written(tmp_path, stopped))
+    assert found.run.tracks["Ego"][-1].speed == pytest.approx(23.0, abs=1e-3)
+
+
+def test_who_is_deleted_is_gone(tmp_path):
+    gone = '<GlobalAction><EntityAction entityRef="other"><DeleteEntityAction/></EntityAction></GlobalAction>'
+    found = drive(tmp_path, files.group("", files.event(gone, files.after(2.5))))
+    assert found.run.seen["other"] == [(0.0, pytest.approx(2.5, abs=1e-4))]
+
+
+def test_a_vehicle_leads_by_a_distance(tmp_path):
+    keep = (
+        '<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityRef="other" distance="30" '
+        'continuous="false" freespace="false" coordinateSystem="road" displacement="leadingReferencedEntity">'
+        '<DynamicConstraints maxAcceleration="4" maxDeceleration="4"/></LongitudinalDistanceAction>'
+        "</LongitudinalAction></PrivateAction>"
+    )
+    other = files.init("other", files.on_lane(40.0, -2), 15.0)
+    act = files.group("Ego", files.event(keep, files.after(0.0), "keep"))
+    found = drive(tmp_path, act, ego=15.0, other=other, stop=30.0)
+    assert at(found, "Ego", 30.0).x - at(found, "other", 30.0).x == pytest.approx(30.0, abs=0.2)
+
+
+def test_too_many_states_end_the_run(tmp_path, monkeypatch):
+    from scarl_sionna.scenario.openscenario.running import simulation
+
+    monkeypatch.setattr(simulation, "MOST_STATES", 500)
+    with pytest.warns(match="more than 500 states"):
+        assert drive(tmp_path, "").run.stop < 3.0
