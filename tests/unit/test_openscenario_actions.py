@@ -205,6 +205,17 @@ def on_trajectory(shape: str, timing: str, speed: float = 10.0) -> str:
 TIMED = '<Timing domainAbsoluteRelative="relative" scale="1" offset="0"/>'
 
 
+def test_a_polyline_is_driven_at_an_even_speed_between_its_vertices(tmp_path):
+    vertices = "".join(
+        f'<Vertex time="{t!r}">{world(x, 0.0)}</Vertex>' for t, x in ((0.0, 0.0), (4.0, 40.0), (8.0, 64.0))
+    )
+    ego = files.run(tmp_path, on_trajectory(f"<Polyline>{vertices}</Polyline>", TIMED))["Ego"]
+    for time in np.r_[np.arange(0.0, 3.7, 0.25), np.arange(4.3, 7.9, 0.25)]:
+        x = np.interp(time, (0.0, 4.0, 8.0), (0.0, 40.0, 64.0))
+        assert files.rear_axle(ego, time)[0] == pytest.approx(x, abs=CLOSE)
+    assert ego.trajectory.twist(2.0).linear[0] == pytest.approx(10.0, abs=0.01)
+
+
 def test_a_polyline_is_followed_by_its_times(tmp_path):
     points = [(2.0 * k, 12.0 * k, 0.02 * (12.0 * k) ** 1.5) for k in range(6)]
     vertices = "".join(f'<Vertex time="{t!r}">{world(x, y)}</Vertex>' for t, x, y in points)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -144,3 +145,53 @@ def test_too_many_states_end_the_run(tmp_path, monkeypatch):
     monkeypatch.setattr(simulation, "MOST_STATES", 500)
     with pytest.warns(match="more than 500 states"):
         assert drive(tmp_path, "").run.stop < 3.0
+
+
+def test_a_trajectory_gives_the_first_place(tmp_path):
+    vertices = "".join(f'<Vertex><Position><WorldPosition x="{x}" y="-1.75"/></Position></Vertex>' for x in (30, 90))
+    walk = follow(f"<Polyline>{vertices}</Polyline>", "<None/>")
+    walks = f'<Private entityRef="other">{files.speed(5.0)}{walk}</Private>'
+    found = drive(tmp_path, "", other=walks)
+    assert at(found, "other", 4.0).x == pytest.approx(50.0, abs=1e-3)
+
+
+def test_a_tight_turn_of_a_fast_vehicle_stays_where_it_is(tmp_path):
+    """A vehicle of 25 m/s slows down and turns on a radius of 10 m."""
+    turn = '<Clothoid curvature="0.1" curvaturePrime="0" length="24"><Position>{}</Position></Clothoid>'
+    turn = turn.format('<RelativeLanePosition entityRef="Ego" dLane="0" ds="0"/>')
+    slow = files.event(files.speed(4.0, "linear", "time", 3.0), files.after(0.5), "slow")
+    act = files.group("Ego", slow, files.event(follow(turn, "<None/>"), files.after(5.0)))
+    actions = files.init("Ego", files.on_lane(20.0), 25.0)
+    ego = files.run(tmp_path, files.scenario(files.vehicle("Ego"), actions, act, 8.0))["Ego"]
+    assert ego.deviation < 0.05
+
+
+def test_a_lane_of_no_kind_is_beside_the_road(tmp_path):
+    from tests import street_maps as maps
+
+    lanes = maps.section([maps.lane(1)], [maps.lane(-1), maps.lane(-2, kind="none")])
+    street = maps.street_map(maps.road(maps.piece("<line/>", 900.0), 900.0, lanes))
+    leave = files.lane_change('<AbsoluteTargetLane value="-2"/>', "linear", "time", 3.5)
+    brake = files.event(
+        files.speed(0.0, "linear", "rate", 4.0), files.of_entity("Ego", '<OffroadCondition duration="1"/>')
+    )
+    act = files.group("Ego", files.event(leave, files.after(2.0), "leave"), brake)
+    text = files.scenario(files.vehicle("Ego"), files.init("Ego", files.on_lane(20.0), 20.0), act)
+    track = read_drive(files.written(tmp_path, text, street)).run.tracks["Ego"]
+    begins = next(before.time for before, after in pairwise(track) if after.acceleration < -3.9)
+    assert begins == pytest.approx(2.0 + 1.75 + 1.0, abs=1e-4)  # its reference point leaves the lane after half the way
+
+
+def test_beside_one_who_drives_against_the_traffic_others_do(tmp_path):
+    around = '<Orientation type="relative" h="3.14159265"/>'
+    beside = '<Position><RelativeLanePosition entityRef="Ego" dLane="-1" ds="-30"/></Position>'
+    actions = files.init("Ego", files.on_lane(200.0, -1, more=around), 10.0) + files.init("other", beside, 12.0)
+    second = beside.replace('dLane="-1"', 'dLane="0"').replace('"-30"', '"-60"')
+    actions += files.init("third", second, 8.0)
+    everyone = BOTH + files.vehicle("third")
+    found = read_drive(files.written(tmp_path, files.scenario(everyone, actions)))
+    assert at(found, "third", 5.0).x == pytest.approx(260.0 - 40.0, abs=1e-3)
+    assert at(found, "Ego", 5.0).x == pytest.approx(150.0, abs=1e-3)
+    assert at(found, "other", 0.0).x == pytest.approx(230.0, abs=1e-3)  # behind, on its right
+    assert at(found, "other", 0.0).y == pytest.approx(1.75, abs=1e-3)
+    assert at(found, "other", 5.0).x == pytest.approx(170.0, abs=1e-3)

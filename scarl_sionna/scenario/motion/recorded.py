@@ -33,6 +33,8 @@ _JUMP = 0.8
 _FAST, _FAST_SMOOTHING = 12.0, 0.75
 """Above this speed [m/s] the knots of a path are further apart, by this time [s]: a lane change at 30 m/s begins within
 some 14 m."""
+_PART_OF_BEND = 0.3
+"""Largest distance of the knots as a part of the radius of a known bend."""
 FASTEST, FARTHEST_STEP = 90.0, 5.0
 """Speed between two samples above which a record was carried elsewhere [m/s], and a step [m] that is never a jump."""
 
@@ -71,7 +73,11 @@ class Smoothed:
 
 
 def smooth_record(
-    record: Record, body: ActorBody, span: tuple[float, float] | None = None, knot_time: float = KNOT_TIME
+    record: Record,
+    body: ActorBody,
+    span: tuple[float, float] | None = None,
+    knot_time: float = KNOT_TIME,
+    sharpest: float = 0.0,
 ) -> Smoothed:
     """Return a smooth motion for recorded samples.
 
@@ -85,6 +91,8 @@ def smooth_record(
         with the speed that it has; vehicles come to the same speed within 3 s. None: the times of the record.
     knot_time : float
         Least time between the knots of the way [s].
+    sharpest : float
+        Largest curvature of the path [1/m], where it is known: knots are never so far apart that it is lost.
 
     Returns
     -------
@@ -127,6 +135,8 @@ def smooth_record(
     smoothing = (
         max(smoothing_of(body), _FAST_SMOOTHING * (fastest - _FAST)) if body.wheelbase > 0.0 else smoothing_of(body)
     )
+    if sharpest > 0.0:
+        smoothing = max(min(smoothing, _PART_OF_BEND / sharpest), smoothing_of(body))
     path = SmoothPath(points[kept], smoothing, (2.0 * body.length + 3.0, body.length + 3.0))
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[kept], axis=0), axis=1))])
     ways = path.way_of(np.interp(way, way[kept], chord))

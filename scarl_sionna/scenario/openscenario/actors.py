@@ -32,6 +32,7 @@ _MODELS: Mapping[str, tuple[str, ...]] = {
     "standupScooter": ("scooter",), "pedestrian": ("child", "adult_woman", "adult_man"),
 }  # fmt: skip # a table
 _APART = 1e-3
+_STRIDE = 2.0
 _RAMP = 1.0
 """Way over which a kerb is climbed [m]."""
 
@@ -167,7 +168,7 @@ def _actor(
         times = np.array([times[0], times[0] + 1.0])
         record = Record(entity.name, times, np.repeat(points, 2, 0), np.repeat(headings, 2), body.rear_axle)
     try:
-        smoothed = smooth_record(record, body, span, knot_time=KNOT_TIME)
+        smoothed = smooth_record(record, body, span, KNOT_TIME, _sharpest(record.points))
     except ParameterRangeError as error:
         raise entity.node.error(str(error)) from error
     return PlannedActor(
@@ -208,6 +209,18 @@ def _samples(drive: Drive, track: Sequence[Motion]) -> tuple[Array, Array, Array
             t = np.array([one.t(roads) for one in kept])
             points[:, 2] = _rounded(points, roads.heights(names, s, t))
     return times, points, headings
+
+
+def _sharpest(points: Array) -> float:
+    """Return the largest curvature of a path (N, 3) [1/m], over 2 m each."""
+    way = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1))]
+    moving = np.r_[True, np.diff(way) > 1e-6]
+    if way[-1] < 3.0 * _STRIDE:
+        return 0.0
+    places = np.arange(0.0, way[-1], _STRIDE)
+    steps = np.diff([np.interp(places, way[moving], points[moving, axis]) for axis in (0, 1)], axis=1)
+    turns = np.diff(np.unwrap(np.arctan2(steps[1], steps[0])))
+    return float(np.abs(turns).max() / _STRIDE)
 
 
 def _rounded(points: Array, heights: Array) -> Array:

@@ -79,6 +79,7 @@ class LaneTable:
             stretch = 1.0 - curvature * 0.5 * (inner + outer)
             self._lengths[lane] = np.r_[0.0, np.cumsum(0.5 * self._step * (stretch[:-1] + stretch[1:]))].tolist()
         self.lanes = tuple(sorted(section.lanes))
+        self.paved = tuple(lane for lane in self.lanes if section.lanes[lane].kind != "none")
 
     def borders(self, lane: int, s: float) -> tuple[float, float]:
         """Return t of the inner and of the outer border of a lane [m] at `s` of the road."""
@@ -102,6 +103,11 @@ class LaneTable:
         """Return t of the middle of a lane [m]."""
         inner, outer = self.borders(lane, s)
         return 0.5 * (inner + outer)
+
+    def beside(self, s: float, t: float) -> float:
+        """Return how far t is beside the lanes that are of some kind [m]."""
+        ends = [self.borders(lane, s) for lane in self.paved]
+        return min((max(min(a, b) - t, t - max(a, b), 0.0) for a, b in ends), default=math.inf)
 
     def lane_at(self, s: float, t: float) -> tuple[int, float]:
         """Return the lane that holds t, and how far outside of it t is [m]: the nearest one where none does."""

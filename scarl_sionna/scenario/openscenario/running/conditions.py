@@ -68,6 +68,10 @@ class Test(ABC):
     def keep(self, stage: Stage) -> None:  # noqa: B027  # most have nothing to keep
         """Keep what is needed of this instant."""
 
+    def stirs(self, stage: Stage) -> bool:
+        """Return whether something begins or ends now that `holds` will ask for later."""
+        return False
+
 
 class _Number(Test):
     """A number of the run that is compared."""
@@ -259,6 +263,9 @@ class _Lasting(Test):
         since = stage.time if self._since is None else self._since
         return stage.time - since >= self._duration - 1e-9
 
+    def stirs(self, stage: Stage) -> bool:
+        return self._duration > 0.0 and self._is(stage) != (self._since is not None)
+
     def keep(self, stage: Stage) -> None:
         if not self._is(stage):
             self._since = None
@@ -284,7 +291,7 @@ class _OffRoad(_Lasting):
         if stage.roads is None or motion.spot is None:
             return False
         table = stage.roads.lanes(motion.spot.road, motion.spot.section)
-        return table.lane_at(motion.spot.s, motion.t(stage.roads))[1] > 0.0
+        return table.beside(motion.spot.s, motion.t(stage.roads)) > 0.0
 
 
 class _Touch(Test):

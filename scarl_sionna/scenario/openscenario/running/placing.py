@@ -13,7 +13,7 @@ from .actions import START, Action, Stage
 from .distances import Distance
 from .dynamics import SHAPES, Transition
 from .motion import Motion
-from .positions import Place, beside, read_position, read_route
+from .positions import Place, beside, placed, read_position, read_route
 from .processes import KeepAside, Process, Shift
 from .shapes import Follow, Trajectory
 
@@ -170,6 +170,11 @@ class FollowTrajectoryAction(Action):
         if timing is not None:
             is_absolute = timing.choice("domainAbsoluteRelative", ("absolute", "relative")) == "absolute"
             self._timing = (is_absolute, timing.number("scale", 1.0, 1e-6), timing.number("offset", 0.0))
+
+    def first_place(self, stage: Stage) -> Place:
+        """Return where the trajectory begins, for an entity that has no other place."""
+        x, y, heading = self._trajectory.line(stage).at(self._start)
+        return placed(stage.roads, x, y, heading)
 
     def begin(self, stage: Stage, actor: str) -> Process | None:
         """Begin to follow the trajectory, whose positions are those of now."""

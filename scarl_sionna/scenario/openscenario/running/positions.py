@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from scarl_sionna.scenario.openscenario.reading.catalogs import Catalogs
@@ -174,7 +174,12 @@ class _RelativeLane(Position):
         spot = Spot(base.spot.road, base.spot.section, base.lane(roads), base.spot.s, base.spot.way)
         ahead = roads_along(self.node, roads, spot, self._ds)
         lane = beside(ahead.lane, self._lanes * ahead.way)
-        return on_lane(self, roads, ahead.road, lane, ahead.s, self._offset)
+        place = on_lane(self, roads, ahead.road, lane, ahead.s, self._offset)
+        own, there = (roads.direction(ahead.road, ahead.section, one) for one in (ahead.lane, lane))
+        if self._heading is not None or ahead.way == own or there != own:
+            return place
+        assert place.spot is not None  # who drives against the traffic of its lane has others beside it do so
+        return Place(place.x, place.y, place.heading + math.pi, replace(place.spot, way=-place.spot.way), -place.left)
 
 
 class _OnRoute(Position):

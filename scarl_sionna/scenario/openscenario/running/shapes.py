@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import BSpline, PPoly
 
-from scarl_sionna.scenario.motion.profiles import smooth_way
 from scarl_sionna.scenario.openscenario.reading.catalogs import Catalogs
 from scarl_sionna.scenario.openscenario.reading.source import Node
 from scarl_sionna.scene.opendrive.geometry.curves import evaluate
@@ -23,6 +22,8 @@ from .processes import Process
 Array = npt.NDArray[np.float64]
 _STEP = 0.25
 _MOST_POINTS = 200_000
+_CHANGE = 8.0
+"""Acceleration with which the speed changes from one piece of a trajectory with times to the next [m/s2]."""
 _MOST_VERTICES = 20_000
 _MOST_TURN = 200.0
 """Largest turn of a clothoid [rad]."""
@@ -190,7 +191,7 @@ class Trajectory:
             raise self._shape.error("has points at one place only")
         if self._times is None:
             return Line(plan[kept], ways[kept], None, None)
-        every = np.unique(np.linspace(0, count, 4 * len(points) + 1).astype(int))
+        every = np.unique(np.linspace(0, count, 20 * len(points) + 1).astype(int))
         return Line(plan[kept], ways[kept], ways[every], (rows[:, 3] / rows[:, 0])[every])
 
     def _clothoids(self, world: World) -> Line:
@@ -214,6 +215,28 @@ class Trajectory:
         return Line(points, ways, np.array(ends) * (ways[-1] / ends[-1]), np.array(self._times))
 
 
+def even_way(times: Array, ways: Array) -> PPoly:
+    """Return the way over time [s] that goes from place to place at an even speed.
+
+    Where the speed changes it does so evenly around the time of the place: with 8 m/s2, and at most from
+    the middle of the piece before to that of the piece after. Ways (N,) [m] do not fall.
+    """
+    speeds = np.diff(ways) / np.diff(times)
+    half = np.minimum(np.abs(np.diff(speeds)) / (2.0 * _CHANGE), 0.5 * np.minimum(*_neighbours(np.diff(times))))
+    half = np.maximum(half, 1e-9)
+    knots = np.sort(np.r_[times[0], times[1:-1] - half, times[1:-1] + half, times[-1]])
+    at_knots = np.r_[speeds[0], np.column_stack([speeds[:-1], speeds[1:]]).ravel(), speeds[-1]]
+    kept = np.r_[True, np.diff(knots) > 0.0]
+    knots, at_knots = knots[kept], at_knots[kept]
+    pieces = np.diff(knots)
+    gone = ways[0] + np.r_[0.0, np.cumsum(0.5 * pieces * (at_knots[:-1] + at_knots[1:]))]
+    return PPoly(np.array([0.5 * np.diff(at_knots) / pieces, at_knots[:-1], gone[:-1]]), knots)
+
+
+def _neighbours(spans: Array) -> tuple[Array, Array]:
+    return spans[:-1], spans[1:]
+
+
 class Follow(Process):
     """Goes along a trajectory: at its own times, or at the speed that the entity has."""
 
@@ -227,8 +250,7 @@ class Follow(Process):
         """Return the motion with the times of the line, scaled and moved [s]; from a way on [m]."""
         assert line.times is not None and line.knots is not None
         times, ways = now + offset + scale * line.times, line.knots
-        law = smooth_way(times, np.asarray(ways))
-        return cls(line, start, law)
+        return cls(line, start, even_way(times, np.asarray(ways)))
 
     def finished(self, motion: Motion, world: World) -> bool:
         """Return whether the end of the line is reached."""

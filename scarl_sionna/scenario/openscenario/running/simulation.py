@@ -14,7 +14,7 @@ from scarl_sionna.scenario.openscenario.roads.network import Roads
 
 from .actions import Action
 from .motion import Motion
-from .placing import TeleportAction
+from .placing import FollowTrajectoryAction, TeleportAction, at_place
 from .positions import placed
 from .processes import Process
 from .shapes import Follow
@@ -176,6 +176,8 @@ class Simulation:
             waiting = left
 
     def _first(self, action: Action, actor: str) -> None:
+        if isinstance(action, FollowTrajectoryAction) and actor not in self.motions and actor in self.entities:
+            self.motions[actor] = at_place(action.first_place(self), self.time)
         if isinstance(action, TeleportAction):
             action.begin(self, actor)
         else:
@@ -269,6 +271,8 @@ class Simulation:
         try:
             listening = self._listening()
             if any(trigger.holds(self) for trigger in listening if id(trigger) not in self._true):
+                return True
+            if any(trigger.stirs(self) for trigger in listening):
                 return True
             return any(
                 one.process.ends_at > until + EXACT and one.process.finished(self.motions[one.actor], self)

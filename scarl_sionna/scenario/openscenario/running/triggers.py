@@ -43,9 +43,10 @@ class Condition:
         self._pulses: list[float] = []
         self._changes: list[tuple[float, bool]] = []
 
-    def entities(self) -> list[str]:
-        """Return the triggering entities."""
-        return [name for name, _ in self._tests if name]
+    @property
+    def tests(self) -> list[Test]:
+        """Its tests, one for each triggering entity."""
+        return [test for _, test in self._tests]
 
     def _now(self, stage: Stage) -> bool:
         found = [test.holds(stage) for _, test in self._tests]
@@ -106,6 +107,10 @@ class Trigger:
     def holds(self, stage: Stage) -> bool:
         """Return whether it is true at the time of the stage."""
         return any(all(one.holds(stage) for one in group) for group in self._groups)
+
+    def stirs(self, stage: Stage) -> bool:
+        """Return whether the time of a state begins or ends now."""
+        return any(test.stirs(stage) for group in self._groups for one in group for test in one.tests)
 
     def keep(self, stage: Stage) -> None:
         """Take this instant as the one before the next."""
