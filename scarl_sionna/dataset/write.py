@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from scarl_sionna.core.results import Frame
 
@@ -15,9 +15,16 @@ from .store.manifest import DatasetPlan, ScenePlan
 from .store.writer import DatasetFolder
 
 
+class _Rig(Protocol):
+    """A rig, which stands beside this package."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+
+
 def write_dataset(
     root: str | Path,
-    rig: Mapping[str, Any],
+    rig: Mapping[str, Any] | _Rig,
     scenes: Mapping[str, Iterable[Frame]],
     *,
     options: StoreOptions | None = None,
@@ -29,8 +36,8 @@ def write_dataset(
     Parameters
     ----------
     root : path
-    rig : mapping
-        `Rig.to_dict()` of the rig that made all frames.
+    rig : Rig, or mapping of `Rig.to_dict()`
+        It made all frames.
     scenes : mapping of str to iterable of Frame
         Frames by scene; their indices begin at 0 and have no gaps.
     options : StoreOptions, optional
@@ -47,7 +54,7 @@ def write_dataset(
     options = options or StoreOptions()
     frames = {name: list(items) for name, items in scenes.items()}
     plans = tuple(ScenePlan(name, len(items), configuration or {}) for name, items in frames.items())
-    plan = DatasetPlan(rig, plans, options)
+    plan = DatasetPlan(rig if isinstance(rig, Mapping) else rig.to_dict(), plans, options)
     with DatasetFolder(root, plan, overwrite=overwrite) as folder, ThreadPoolExecutor(2) as pool:
         for name, items in frames.items():
             shards = defaultdict(list)

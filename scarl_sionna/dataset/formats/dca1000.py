@@ -165,7 +165,7 @@ def export_dca1000(
     OutputError
         If the folder is there or cannot be written.
     """
-    source = as_source(data)
+    source = as_source(data, "DCA1000", ("radar",))
     chosen = _radars(source, radars)
     mark = {"format": FORMAT, "layout": LAYOUT, "radars": chosen, "scenes": [scene.name for scene in source.scenes]}
     done = 0

@@ -28,10 +28,13 @@ from .output import whole_output_file
 from .pictures import centred_intrinsics, encode_image
 from .recording import (
     BOX_ALPHA,
+    TAKES,
     WORLD,
+    about_image,
     detection_columns,
     lidar_columns,
     packed,
+    peak_columns,
     timed_frames,
     transforms,
 )
@@ -89,7 +92,7 @@ def export_mcap(
     require("mcap", "mcap")
     from mcap.writer import Writer
 
-    source = as_source(data)
+    source = as_source(data, "MCAP", TAKES)
     done = 0
     with whole_output_file(out, overwrite, is_ours) as partial, partial.open("wb") as file:
         writer = Writer(file)
@@ -143,6 +146,12 @@ def _messages(
         yield f"/{name}/range_doppler", "foxglove.CompressedImage", _compressed(f"{name}/map", png, "png", time)
         if raw_radar:
             yield f"/{name}/adc", "scarl.RadarFrame", _raw(name, radar, time)
+    for name, turn in frame.radar_scans.items():
+        png = encode_image(turn.image, "png")
+        yield f"/{name}/polar_image", "foxglove.CompressedImage", _compressed(f"{name}/polar", png, "png", time)
+        yield f"/{name}/polar_image_info", "scarl.PolarImage", {"timestamp": time, **about_image(turn)}
+    for name, closed in frame.closed_radars.items():
+        yield f"/{name}/peaks", "foxglove.PointCloud", _cloud(name, peak_columns(closed), time)
 
 
 def _transforms(source: FrameSource, frame: Frame, time: Mapping[str, int]) -> Iterator[dict[str, Any]]:

@@ -86,5 +86,16 @@ SCHEMAS: dict[str, dict[str, Any]] = {
         unit=_TEXT,
         data=_BYTES,
     ),
+    "scarl.PolarImage": _object(
+        timestamp=_TIME,
+        rows=_TEXT,
+        azimuth_rad=_list(_NUMBER),
+        time_s=_list(_NUMBER),
+        columns=_TEXT,
+        first_range_m=_NUMBER,
+        range_step_m=_NUMBER,
+        floor_dbm=_NUMBER,
+        step_db=_NUMBER,
+    ),
 }
 """Schema of each message type, without its title."""

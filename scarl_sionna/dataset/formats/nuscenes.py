@@ -97,7 +97,7 @@ def export_nuscenes(
     OutputError
         If the folder is there or cannot be written.
     """
-    source = as_source(data)
+    source = as_source(data, "nuScenes", ("camera", "lidar", "radar"))
     options = _Options(version, keyframe_every, image_format, raw_radar, all_objects, pfa, panoptic_labels, lane_maps)
     if not source.num_frames:
         raise ParameterRangeError("dataset", "no frames", "at least one frame")

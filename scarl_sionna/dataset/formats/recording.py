@@ -9,10 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
-from scarl_sionna.core.results import Frame, LidarScan, RadarFrame
+from scarl_sionna.core.results import ClosedRadarFrame, Frame, LidarScan, RadarFrame
+from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.units import power_to_db
 from scarl_sionna.dataset.derived.lidar_points import world_points
 from scarl_sionna.dataset.derived.radar_points import sensed_points
+from scarl_sionna.signal.detection.closed_map import map_of_frame
+from scarl_sionna.signal.detection.map_peaks import peaks_of_map
 
 from .source import FrameSource, SceneFrames
 
@@ -23,6 +26,8 @@ SCENE_GAP = 1_000_000_000
 """A scene begins this long after the one before it ends [ns]: a recording has one clock."""
 BOX_ALPHA = 0.35
 """Opacity of boxes."""
+TAKES = ("camera", "lidar", "radar", "scanning_radar", "closed_radar")
+"""Kinds of sensors that have messages in a recording."""
 
 
 def timed_frames(source: FrameSource, first: int | None = None) -> Iterator[tuple[SceneFrames, Frame, int]]:
@@ -83,6 +88,27 @@ def detection_columns(frame: Frame, radar: RadarFrame, pfa: float) -> Columns:
         "velocity_over_ground": sensed.compensated_velocity,
         "snr_db": points.snr_db,
         "rcs_dbsm": power_to_db(points.rcs),
+    }
+
+
+def peak_columns(radar: ClosedRadarFrame) -> Columns:
+    """Return the peaks of the map of a radar without raw data by column, in its own axes."""
+    points = peaks_of_map(map_of_frame(radar), radar.spec.threshold_db, radar.spec.gain_db)
+    x, y, z = points.position.T
+    return {"x": x, "y": y, "z": z, "radial_velocity": points.radial_velocity, "snr_db": points.snr_db}
+
+
+def about_image(scan: RadarScan) -> dict[str, Any]:
+    """Return what the rows, columns and codes of the image of a scanning radar stand for."""
+    return {
+        "rows": "azimuth, left positive, in the sensor frame",
+        "azimuth_rad": scan.azimuth.tolist(),
+        "time_s": scan.time.tolist(),
+        "columns": "range",
+        "first_range_m": float(scan.spec.range[0]),
+        "range_step_m": float(scan.spec.range[1] - scan.spec.range[0]),
+        "floor_dbm": float(scan.floor_dbm),
+        "step_db": float(scan.spec.image_step_db),
     }
 
 

@@ -45,7 +45,7 @@ def export_rerun(
         If the file is there or cannot be written.
     """
     rr = require("rerun", "viewer")
-    source = as_source(data)
+    source = as_source(data, "Rerun", ("camera", "lidar", "radar"))
     with whole_output_file(out, overwrite, is_ours) as partial:
         recording = rr.RecordingStream(APPLICATION, recording_id=Path(out).stem)
         recording.save(str(partial))
@@ -73,7 +73,7 @@ def view_rerun(data: Convertible, *, pfa: float = 1e-6, on_progress: OnProgress 
     rr = require("rerun", "viewer")
     recording = rr.RecordingStream(APPLICATION)
     recording.spawn()
-    log_frames(recording, as_source(data), pfa=pfa, on_progress=on_progress)
+    log_frames(recording, as_source(data, "Rerun", ("camera", "lidar", "radar")), pfa=pfa, on_progress=on_progress)
     recording.flush()
 
 

@@ -30,12 +30,15 @@ from .pictures import centred_intrinsics, encode_image
 from .recording import (
     BOX_ALPHA,
     SCENE_GAP,
+    TAKES,
     VEHICLE,
     WORLD,
     Columns,
+    about_image,
     detection_columns,
     lidar_columns,
     packed,
+    peak_columns,
     scan_columns,
     timed_frames,
     transforms,
@@ -53,6 +56,7 @@ BAG_VERSION: Literal[8] = 8
 _TYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}  # of sensor_msgs/PointField
 _LENSES = {"brown_conrady": "rational_polynomial", "kannala_brandt": "equidistant"}  # as image_geometry calls them
 _ENCODINGS = {"depth": "32FC1", "semantic": "mono8", "instance": "mono16"}
+_IMAGE = "sensor_msgs/msg/Image"
 _SCAN, _RETURN = "radar_msgs/msg/RadarScan", "radar_msgs/msg/RadarReturn"
 _RADAR_MSGS = {
     _RETURN: "float32 range\nfloat32 azimuth\nfloat32 elevation\nfloat32 doppler_velocity\nfloat32 amplitude\n",
@@ -99,7 +103,7 @@ def export_rosbag(
     OutputError
         If the folder is there or cannot be written.
     """
-    source = as_source(data)
+    source = as_source(data, "a ROS bag", TAKES)
     if not source.num_frames:
         raise ParameterRangeError("dataset", "no frames", "at least one frame")
     scenes = tuple(scene.name for scene in source.scenes)
@@ -134,7 +138,7 @@ def record_rosbag(
         As :func:`export_rosbag`. An error within leaves no bag.
     """
     first: list[int] = []
-    source = FrameSource(rig, [])
+    source = as_source(FrameSource(rig, []), "a ROS bag", TAKES)
     with _bag_of(source, out, (LIVE,), pfa=pfa, raw_radar=raw_radar, overwrite=overwrite) as bag:
 
         def record(frame: Frame) -> None:
@@ -226,6 +230,13 @@ class _Bag:
             columns = detection_columns(frame, radar, self.pfa)
             yield f"{self.topics[name]}/detections", cloud, self._cloud(name, packed(columns), time_ns)
             yield f"{self.topics[name]}/scan", _SCAN, self._scan(name, columns, time_ns)
+        for name, turn in frame.radar_scans.items():
+            topic = self.topics[name]
+            yield f"{topic}/polar_image", _IMAGE, self._image(self._header(time_ns, name), turn.image, "mono8")
+            yield self.text(f"{topic}/polar_image_info", about_image(turn))
+        for name, closed in frame.closed_radars.items():
+            rows = packed(peak_columns(closed))
+            yield f"{self.topics[name]}/peaks", cloud, self._cloud(name, rows, time_ns)
 
     def raw(self, name: str, radar: RadarFrame) -> Iterator[Message]:
         """Yield the raw data of a radar."""
@@ -318,10 +329,7 @@ class _Bag:
         for field, encoding in _ENCODINGS.items():
             values = getattr(image, field)
             if values is not None:
-                kind, data = "sensor_msgs/msg/Image", np.ascontiguousarray(values)
-                shape, step = data.shape, data.strides[0]
-                flat = data.view(np.uint8).ravel()
-                yield f"{topic}/{field}", kind, self.make(kind, header, *shape, encoding, 0, step, flat)
+                yield f"{topic}/{field}", _IMAGE, self._image(header, values, encoding)
         spec, matrix = image.spec, centred_intrinsics(image)
         kind = "sensor_msgs/msg/CameraInfo"
         whole = self.make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
@@ -330,6 +338,12 @@ class _Bag:
         flat_matrices = (matrix.ravel(), np.eye(3).ravel(), np.hstack([matrix, np.zeros((3, 1))]).ravel())
         content = self.make(kind, header, spec.height, spec.width, model, lens, *flat_matrices, 0, 0, whole)
         yield f"{topic}/camera_info", kind, content
+
+    def _image(self, header: Content, pixels: npt.NDArray[Any], encoding: str) -> Content:
+        """Return an image of one value a pixel."""
+        data = np.ascontiguousarray(pixels)
+        flat = data.view(np.uint8).ravel()
+        return self.make(_IMAGE, header, *data.shape, encoding, 0, data.strides[0], flat)
 
     def _scan(self, frame_id: str, columns: Columns, time_ns: int) -> Content:
         """Return detections as a scan."""

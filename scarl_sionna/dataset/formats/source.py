@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
-from scarl_sionna.core.errors import DatasetError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import DatasetError, ParameterRangeError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import Frame, ImageFrame, SensorResult
 
@@ -196,19 +197,36 @@ class _DatasetFrames:
         return Frame(item.index, item.timestamp_ns, item.seed, pose, twist, dict(results), item.labels)
 
 
-def as_source(data: Convertible) -> FrameSource:
+def as_source(data: Convertible, form: str = "", takes: Collection[str] = ()) -> FrameSource:
     """Return what an exporter reads.
 
     Parameters
     ----------
     data : FrameSource, dataset of `open_dataset`, or path
         A path is that of a dataset (also a URL).
+    form : str
+        Name of the format that is written, for the warning.
+    takes : collection of str
+        Kinds of sensors that the format has a place for; a `ScarlWarning` names the sensors of other kinds. None given:
+        it has one for all.
 
     Raises
     ------
     DatasetError
         If there is no dataset.
     """
+    source = _source_of(data)
+    left = [f"{name} ({mount['kind']})" for name, mount in source.mounts.items() if mount["kind"] not in takes]
+    if takes and left:
+        warnings.warn(
+            f"{form} has no place for {', '.join(left)}, which it leaves out; hdf5, tfrecord and webdataset hold them",
+            ScarlWarning,
+            stacklevel=3,
+        )
+    return source
+
+
+def _source_of(data: Convertible) -> FrameSource:
     if isinstance(data, FrameSource):
         return data
     if isinstance(data, str | Path):

@@ -17,7 +17,7 @@ from scarl_sionna.core.spec import FieldValue
 from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.dataset.derived.boxes import EGO_OFFSET
 from scarl_sionna.dataset.formats.source import Frames
-from scarl_sionna.dataset.schema import CAMERA, LIDAR, RADIO, SCANNING_RADAR
+from scarl_sionna.dataset.schema import CAMERA, CLOSED_RADAR, LIDAR, RADIO, RESULT_TYPES, SCANNING_RADAR, TABLES
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
@@ -35,13 +35,14 @@ FRAME_ITEMS = ("boxes", "box_semantic", "box_instance", "timestamp_ns", "world_f
 RADAR_ITEMS = ("adc", "adc_int", "cube", "range_doppler", "range_azimuth")
 IMAGE_ITEMS = tuple(item.name for item in CAMERA if item.name != "world_from_sensor")
 LIDAR_ITEMS = ("points", *(item.name for item in LIDAR if item.name not in ("world_from_sensor", "num_points")))
-RADIO_ITEMS, SCAN_ITEMS = (
+RADIO_ITEMS, SCAN_ITEMS, CLOSED_ITEMS = (
     tuple(item.name for item in table if item.storage == "array" and item.name != "world_from_sensor")
-    for table in (RADIO, SCANNING_RADAR)
+    for table in (RADIO, SCANNING_RADAR, CLOSED_RADAR)
 )
 ITEMS_OF_KIND = {
     "radar": RADAR_ITEMS,
     "scanning_radar": SCAN_ITEMS,
+    "closed_radar": CLOSED_ITEMS,
     "camera": IMAGE_ITEMS,
     "lidar": LIDAR_ITEMS,
     "radio": RADIO_ITEMS,
@@ -49,6 +50,7 @@ ITEMS_OF_KIND = {
 _SHOWN_OF_KIND = {
     "radar": ("adc_int",),
     "scanning_radar": ("image", "azimuth", "time"),
+    "closed_radar": ("power",),
     "lidar": ("points",),
     "radio": ("a", "tau", "doppler", "valid", "cfr"),
 }
@@ -89,6 +91,7 @@ class FrameSamples:
         field of
                        `LidarScan`, one row a return
         scanning_radar a field of `RadarScan`: ``image``, ``azimuth``, ``time`` and the like
+        closed_radar   ``power`` float32 (num_velocity, num_range, num_azimuth), or another field of `ClosedRadarFrame`
         radio          a field of `RadioChannels`: ``cfr``, ``a``, ``tau``, ``doppler``, ``valid`` and the like
         frame          ``boxes`` float32 (M, 10): x, y, z, length, width, height [m], yaw [rad], velocity over ground
         [m/s], along the
@@ -181,16 +184,10 @@ def box_arrays(frame: AnyFrame) -> dict[str, Array]:
 
 def kind_of(result: object) -> str:
     """Return the kind of a sensor's result, stored or in memory; "" for a kind of another package."""
-    marks = {"radar": "adc_scale", "scanning_radar": "floor_dbm", "camera": "rgb", "lidar": "shot", "radio": "cfr"}
-    for kind, name in marks.items():
-        if name in _field_names(result):
-            return kind
-    return ""
-
-
-def _field_names(result: object) -> set[str]:
-    stored = getattr(result, "table", None)
-    return {item.name for item in stored} if stored else set(getattr(result, "__dataclass_fields__", ()))
+    table = getattr(result, "table", None)
+    if table is None:
+        return next((kind for known, kind in RESULT_TYPES.items() if isinstance(result, known)), "")
+    return next((kind for kind, known in TABLES.items() if known is table), "")
 
 
 def _all_items(frame: AnyFrame) -> list[str]:

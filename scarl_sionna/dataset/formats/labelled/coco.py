@@ -59,7 +59,7 @@ def export_coco(
         If the folder is there or cannot be written.
     """
     check_image_format(image_format)
-    source = as_source(data)
+    source = as_source(data, "COCO", ("camera",))
     mark = {"format": FORMAT, "scenes": [scene.name for scene in source.scenes]}
     tables: dict[str, dict[str, list[Any]]] = {}
     number = 0

@@ -90,7 +90,7 @@ def export_kitti(
     ScarlWarning
         If the camera is tilted against objects, whose boxes are upright in the camera's frame then.
     """
-    source = as_source(data)
+    source = as_source(data, "KITTI", ("camera", "lidar", "radar"))
     check_images(source)
     name = _camera(source, camera)
     mark = {"format": FORMAT, "camera": name, "scenes": [scene.name for scene in source.scenes]}

@@ -54,7 +54,7 @@ def export_yolo(
         If the folder is there or cannot be written.
     """
     check_image_format(image_format)
-    source = as_source(data)
+    source = as_source(data, "YOLO", ("camera",))
     mark = {"format": FORMAT, "scenes": [scene.name for scene in source.scenes]}
     splits: dict[str, str] = {}
     with whole_folder(out, mark, overwrite) as folder:
