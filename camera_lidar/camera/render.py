@@ -12,8 +12,9 @@ import numpy.typing as npt
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
+from scarl_sionna.engine.light.glow import glow_integrator
 from scarl_sionna.engine.light.haze import Haze, haze_integrator
-from scarl_sionna.engine.light.many_lamps import many_lamps_integrator
+from scarl_sionna.engine.light.many_lamps import lamp_table, many_lamps_integrator
 from scarl_sionna.engine.light.retroreflectors import Retroreflectors
 from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.engine.world import WorldState
@@ -87,8 +88,8 @@ def render_radiance(
     filtered = denoise(image, traced.guides.astype(np.float32))
     if not apart:
         return filtered
-    surface = (traced.guides != 0.0).any(axis=-1, keepdims=True)
-    kept = np.where(surface, keep_energy(filtered, image), traced.reflected)
+    filled = glows(state) | (traced.guides != 0.0).any(axis=-1, keepdims=True)  # elsewhere is sky, which shines itself
+    kept = np.where(filled, keep_energy(filtered, image), traced.reflected)
     return np.asarray(kept + traced.shining, dtype=np.float32)
 
 
@@ -133,6 +134,11 @@ def has_lamps(state: WorldState) -> bool:
     return lighting.headlamps or lighting.street_lamps or bool(state.world.document.info.get("enclosed", False))
 
 
+def glows(state: WorldState) -> bool:
+    """Return whether haze scatters the light of lamps towards the camera."""
+    return has_lamps(state) and _haze(state) is not None and state.world.lighting.glow  # type: ignore[union-attr] # haze is of a lighting
+
+
 @dataclass(frozen=True, eq=False)
 class _View:
     """One image to render.
@@ -155,7 +161,12 @@ def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
             back = Retroreflectors.of(state.world.parts)
             integrator = many_lamps_integrator(mi, scene, view.spec.max_depth, ROULETTE_DEPTH, back)
         integrator = integrator or mi.load_dict(integrator_dict(view.spec))
-        return _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
+        traced = _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
+        if haze is not None and glows(state):
+            lamps = lamp_table(mi, scene)
+            if lamps is not None:
+                traced += _launched(mi, scene, glow_integrator(mi, scene, lamps, haze), view, 3)
+        return traced
 
 
 def _haze(state: WorldState) -> Haze | None:

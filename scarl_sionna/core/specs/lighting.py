@@ -30,6 +30,7 @@ class Lighting(Spec):
     visibility: Metres | None = Field(
         None, gt=0.0, description="meteorological range at 5 % contrast [m]; None: no haze"
     )
+    glow: bool = Field(True, description="haze scatters the light of lamps towards the camera")
     exposure: float = Field(
         1.0, gt=0.0, description="factor on the exposure of every camera, so that it suits this light"
     )

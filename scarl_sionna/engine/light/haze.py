@@ -31,11 +31,18 @@ class Haze(NamedTuple):
         """Return the haze of a meteorological range [m]."""
         return cls(CONTRAST_AT_VISIBILITY / visibility, np.asarray(airlight, dtype=np.float64))
 
+    @staticmethod
+    def way_out(ray: MitsubaObject) -> DeviceArray:
+        """Return how far rays go inside of the layer [m]."""
+        import drjit as dr
+
+        return dr.maximum((LAYER_HEIGHT - ray.o.z) / dr.maximum(ray.d.z, 1e-4), 0.0)
+
     def transmittance(self, ray: MitsubaObject, is_hit: DeviceArray, distance: DeviceArray) -> DeviceArray:
         """Return the share of the light that comes through along rays, to what they hit or out of the layer."""
         import drjit as dr
 
-        out = dr.maximum((LAYER_HEIGHT - ray.o.z) / dr.maximum(ray.d.z, 1e-4), 0.0)
+        out = self.way_out(ray)
         length = dr.select(is_hit, dr.minimum(distance, out), out)
         return dr.exp(-self.extinction * length)
 
@@ -84,7 +91,7 @@ def haze_integrator(mi: ModuleType, inner: MitsubaObject, haze: Haze) -> Mitsuba
     Notes
     -----
     H. Koschmieder, "Theorie der horizontalen Sichtweite", 1924: homogeneous haze of the brightness of the horizon.
-    Light is attenuated between camera and surface only; glows around lamps are not modelled.
+    Light is attenuated between camera and surface only; what the haze scatters of lamps is in :mod:`.glow`.
     """
     _plugin(mi, mi.variant())
     integrator = mi.load_dict({"type": PLUGIN})

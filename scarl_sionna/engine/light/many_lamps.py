@@ -138,12 +138,30 @@ def _beam_table() -> npt.NDArray[np.float32]:
     return np.asarray((light + 25.0) / UNIT_LUMINANCE, dtype=np.float32)
 
 
+def beam_table(mi: ModuleType) -> MitsubaObject:
+    """Return the intensity of a low beam as a texture, for :func:`beam_intensity`."""
+    return mi.Texture2f(mi.TensorXf(_beam_table()[..., None]))
+
+
+def beam_intensity(
+    mi: ModuleType, table: MitsubaObject, axis: DeviceArray, side: DeviceArray, toward: DeviceArray
+) -> DeviceArray:
+    """Return the intensity of a low beam, in the scenes' unit, where the lamp lies in the direction `toward`."""
+    import drjit as dr
+
+    half = float(np.tan(np.radians(BEAM_FOV_DEG / 2.0)))
+    ahead = -dr.dot(axis, toward)
+    up = dr.cross(axis, side)
+    safe = dr.maximum(ahead, 1e-3)
+    u, v = dr.dot(side, toward) / safe, -dr.dot(up, toward) / safe  # to the right, up, on the plane at 1 m
+    lit = (ahead > 1e-3) & (dr.abs(u) < half) & (dr.abs(v) < half)
+    return dr.select(lit, table.eval(mi.Point2f(u, v) / (2.0 * half) + 0.5, lit)[0], 0.0)
+
+
 @lru_cache(maxsize=4)
 def _plugin(mi: ModuleType, variant_name: str) -> type:
     """Define and register the integrator for the variant that runs."""
     import drjit as dr
-
-    half = float(np.tan(np.radians(BEAM_FOV_DEG / 2.0)))
 
     class ManyLampsIntegrator(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
         """A path tracer with next-event estimation and multiple importance sampling, as Mitsuba's `path`."""
@@ -165,7 +183,7 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
                 mi.Float(v.astype(np.float32).ravel()) for v in (table.center, table.axis, table.side)
             )
             self._strength, self._radius = (mi.Float(v.astype(np.float32)) for v in (table.strength, table.radius))
-            self._beam = mi.Texture2f(mi.TensorXf(_beam_table()[..., None]))
+            self._beam = beam_table(mi)
             self._emitters = scene.emitters_dr()
             ids = np.array(dr.reinterpret_array(mi.UInt32, self._emitters), dtype=np.int64)
             index = np.zeros(int(ids.max()) + 1, dtype=np.uint32)
@@ -189,12 +207,7 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             cosine = dr.clip(dr.abs(dr.dot(normal, toward)) + radius / distance, _LEAST_COSINE, 1.0)
             flat = dr.norm(axis)
             spread = 0.25 * (1.0 - flat) + dr.maximum(-dr.dot(axis, toward), 0.0) + _LEAST_COSINE
-            ahead = -dr.dot(axis, toward)
-            up = dr.cross(axis, side)
-            safe = dr.maximum(ahead, 1e-3)
-            u, v = dr.dot(side, toward) / safe, -dr.dot(up, toward) / safe  # to the right, up, on the plane at 1 m
-            lit = (ahead > 1e-3) & (dr.abs(u) < half) & (dr.abs(v) < half)
-            beam = dr.select(lit, self._beam.eval(mi.Point2f(u, v) / (2.0 * half) + 0.5, lit)[0], 0.0)
+            beam = beam_intensity(mi, self._beam, axis, side, toward)
             light = dr.select(kind == _BEAM, beam, spread) * strength * cosine / squared
             return dr.select(kind >= _SKY, strength, light)
 
