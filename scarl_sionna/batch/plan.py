@@ -106,6 +106,7 @@ def scene_configuration(scenario: ScenarioSpec) -> dict[str, Any]:
     return {
         "scene": Path(scenario.scene).stem,
         "scene_files": _checksum(composition.scene),
+        **({"map_licence": str(licence)} if (licence := composition.scene.info.get("licence")) else {}),
         "start_time": scenario.start_time,
         "frame_rate": scenario.frame_rate,
         "seed": scenario.seed,

@@ -27,8 +27,8 @@ def load_scene(
     name_or_path : str or Path
         A scene of ``scenes_xml`` (``"highway_guardrail"``), a scene of Sionna RT
         (``"simple_street_canyon_with_cars"``), or the path of a Mitsuba or Sionna XML; a ``scene.toml`` beside it
-        states classes, materials and actors. Or the path of an OpenDRIVE map (``.xodr``), from which a scene is built
-        into the cache folder on first use.
+        states classes, materials and actors. Or the path of a map (``.xodr``, ``.osm``, ``.net.xml``), from which a
+        scene is built into the cache folder on first use.
     materials : MaterialTable, optional
         Radio materials; default: the built-in table. See :func:`scarl_sionna.scene.materials.table.load_materials`.
     variant : int

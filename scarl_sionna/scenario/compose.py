@@ -135,7 +135,7 @@ def build_world(spec: ScenarioSpec) -> World:
 
 def scene_of(spec: ScenarioSpec) -> SceneDocument:
     """Return the scene that a scenario names, as its files have it."""
-    from scarl_sionna.scene.document.find import MAP_SUFFIX, find_scene
+    from scarl_sionna.scene.document.find import MAP_SUFFIXES, find_scene
 
     text = spec.scene
     if text in scenes_xml.scene_names():
@@ -154,12 +154,12 @@ def scene_of(spec: ScenarioSpec) -> SceneDocument:
             "leave it out",
             value=spec.variant,
         )
-    is_path = text.endswith((".xml", MAP_SUFFIX)) or "/" in text
+    is_path = text.endswith((".xml", *MAP_SUFFIXES)) or "/" in text
     if is_path and not spec.find(text).exists():
         raise ScenarioFileError(
             f"scene file '{text}' is not there",
             spec.place("scene"),
-            "give the name of a scene or the path of a Mitsuba XML",
+            "give the name of a scene, or the path of a Mitsuba XML or a map",
             value=text,
         )
     try:

@@ -17,32 +17,15 @@ from scarl_sionna.core.errors import MapWarning
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.fusion import Rig, SensorMount
-from scarl_sionna.scene.lanes import LaneNetwork
+from scarl_sionna.scene.document.find import MAP_SUFFIXES
 from scarl_sionna.simulation import load_world
 from tests import street_maps as maps
+from tests.street_drives import drive, longest_route, stays_on_its_lanes
 
 pytestmark = pytest.mark.own_process  # beside what a worker has already, its worlds would pass the bound of memory
 
 FOLDER = os.environ.get("SCARL_STREET_MAPS")
-OTHERS = sorted(Path(FOLDER).rglob("*.xodr")) if FOLDER else []
-
-
-def _longest_route(network: LaneNetwork) -> list[str]:
-    found: list[list[str]] = []
-    for lane in network.of_kind("drive"):
-        for choice in (0, -1):
-            route = [lane.name]
-            while (further := network[route[-1]].next) and further[choice] not in route and len(route) < 60:
-                route.append(further[choice])
-            found.append(route)
-    return max(found, key=lambda route: sum(network[name].length for name in route))
-
-
-def _spec(scene: str, route: list[str], duration: float, speed: float, *actors: dict) -> ss.ScenarioSpec:
-    motion = {"kind": "route", "lanes": route, "start": 6.0, "speed": speed}
-    return ss.ScenarioSpec(
-        scene=scene, duration=duration, frame_rate=1.0, ego={"trajectory": motion}, actors=list(actors)
-    )
+OTHERS = sorted(f for f in Path(FOLDER).rglob("*") if f.name.endswith(MAP_SUFFIXES)) if FOLDER else []
 
 
 def test_a_car_turns_at_a_crossing_behind_another_and_sensors_see_it(tmp_path):
@@ -54,7 +37,7 @@ def test_a_car_turns_at_a_crossing_behind_another_and_sensors_see_it(tmp_path):
         "model": "suv",
         "trajectory": {"kind": "route", "lanes": route, "start": 25.0, "speed": 6.0},
     }
-    world = load_world(_spec(str(file), route, 18.0, 6.0, other))
+    world = load_world(drive(str(file), route, 18.0, 6.0, other))
     headings = [world.at(t).actor_pose("ego").yaw for t in (0.0, 17.0)]
     turn = np.degrees(headings[1] - headings[0])
     assert (turn + 180.0) % 360.0 - 180.0 == pytest.approx(90.0, abs=1.0)
@@ -84,16 +67,13 @@ def test_a_car_turns_at_a_crossing_behind_another_and_sensors_see_it(tmp_path):
     assert len(np.unique(image.semantic)) >= 4 and np.isfinite(image.depth[60:]).all()
 
 
-@pytest.mark.skipif(not OTHERS, reason="SCARL_STREET_MAPS names no folder with OpenDRIVE maps")
+@pytest.mark.skipif(not OTHERS, reason="SCARL_STREET_MAPS names no folder with maps")
 @pytest.mark.parametrize("file", OTHERS, ids=lambda file: file.stem)
 def test_maps_of_other_projects_are_driven_for_a_minute(file):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MapWarning)
         network = ss.load_scene(file).document.lanes
-        route = _longest_route(network)
+        route = longest_route(network)
         length = sum(network[name].length for name in route)
-        world = load_world(_spec(str(file), route, 60.0, min(13.0, (length - 20.0) / 60.0)))
-    for time in np.arange(0.0, 59.0, 1.0):
-        place = world.at(float(time)).actor_pose("ego").position
-        away, lane = min((network[name].nearest(place)[1], network[name]) for name in route)
-        assert away + 0.95 < 0.5 * lane.width + 0.3  # a saloon's side against the border
+        world = load_world(drive(str(file), route, 60.0, min(13.0, (length - 20.0) / 60.0)))
+    assert stays_on_its_lanes(world, network, route, 59.0)

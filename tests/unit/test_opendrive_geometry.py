@@ -10,8 +10,8 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import fresnel
 
-from scarl_sionna.scene.opendrive.geometry.road import RoadShape
-from scarl_sionna.scene.opendrive.reading.street import read_map
+from scarl_sionna.scene.streets.geometry.road import RoadShape
+from scarl_sionna.scene.streets.opendrive.street import read_map
 from tests import street_maps as maps
 
 MILLIMETRE = 1e-3

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.scene.opendrive.geometry.road import RoadShape
-from scarl_sionna.scene.opendrive.network.lanes import street_lanes
-from scarl_sionna.scene.opendrive.reading.street import read_map
+from scarl_sionna.scene.streets.geometry.road import RoadShape
+from scarl_sionna.scene.streets.network.lanes import street_lanes
+from scarl_sionna.scene.streets.opendrive.street import read_map
 from tests import street_maps as maps
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.errors import MapError, ScarlError
-from scarl_sionna.scene.opendrive.reading.street import read_map
+from scarl_sionna.scene.streets.opendrive.street import read_map
 from tests import street_maps as maps
 
 GOOD = maps.street_map(

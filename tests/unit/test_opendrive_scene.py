@@ -10,8 +10,8 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import MapError, MapWarning, ParameterRangeError
-from scarl_sionna.scene.opendrive.geometry.road import RoadShape
-from scarl_sionna.scene.opendrive.reading.street import read_map
+from scarl_sionna.scene.streets.geometry.road import RoadShape
+from scarl_sionna.scene.streets.opendrive.street import read_map
 from tests import street_maps as maps
 
 CENTIMETRE = 0.01

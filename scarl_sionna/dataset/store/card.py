@@ -47,6 +47,10 @@ def unmarked_card(manifest: Mapping[str, Any]) -> str:
     sensors = manifest["calibration"]
     kinds = sorted({item["kind"] for item in sensors.values()})
     software = manifest["configuration"]["software"]
+    maps: dict[str, list[str]] = {}
+    for name, item in manifest["configuration"]["scenes"].items():
+        if "map_licence" in item:
+            maps.setdefault(item["map_licence"], []).append(name)
     others = (
         "or any ZIP program for single images; `scarl-sionna repack` makes PNG files and a Zarr v3 hierarchy of all."
         if manifest["configuration"]["storage"].get("layout") == "packed"
@@ -62,6 +66,7 @@ def unmarked_card(manifest: Mapping[str, Any]) -> str:
         f"- sensors: {len(sensors)} ({', '.join(kinds)})",
         f"- schema version {manifest['schema_version']}, configuration {manifest['configuration_hash'][:16]}",
         f"- licence: {manifest['licence']}",
+        *(f"- map data of {', '.join(names)}: {licence}" for licence, names in maps.items()),
         f"- made with: {', '.join(f'{name} {version}' for name, version in software.items()) or 'not stated'}",
         "",
         "| scene | frames | split | seed |",
@@ -72,7 +77,8 @@ def unmarked_card(manifest: Mapping[str, Any]) -> str:
         "`manifest.json` holds calibration, units, axes, conventions, the depth formula and a checksum of every shard.",
         "`scarl-sionna verify` checks all of it.",
         "",
-        "All data is simulated. No person, vehicle or place is recorded in it.",
+        "All data is simulated. No person, vehicle or place is recorded in it."
+        + (" Streets and buildings follow the map data named above." if maps else ""),
         "",
     ]
     return "\n".join(lines)

@@ -37,7 +37,6 @@ from scarl_sionna.scenario.spec.motion import (
     TrajectorySpec,
     WaypointsSpec,
 )
-from scarl_sionna.scene.document.find import MAP_SUFFIX
 from scarl_sionna.scene.lanes import Lane, LaneNetwork
 from scarl_sionna.scene.motion.trajectory import (
     ConstantTwistTrajectory,
@@ -80,8 +79,8 @@ class Setting:
 
     @property
     def street(self) -> Path | None:
-        """The map that the scene is made of; None where it is made of none."""
-        return self.find(self.scene) if self.scene.endswith(MAP_SUFFIX) else None
+        """The OpenDRIVE map that the scene is made of; None where it is made of none."""
+        return self.find(self.scene) if self.scene.endswith(".xodr") else None
 
     @property
     def start(self) -> float:

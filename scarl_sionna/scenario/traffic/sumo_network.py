@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -13,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import MissingPackageError, ParameterRangeError, SimulatorError
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.scene.lanes import Lane, LaneNetwork, Signals
+from scarl_sionna.scene.streets.sumo.netconvert import run_netconvert
 
 from .tracks import curve_speed, track_graph
 
@@ -466,34 +465,9 @@ def _phases(groups: list[str | None], signals: Signals) -> list[tuple[float, str
 
 
 def _netconvert(folder: Path, path: Path, with_signals: bool) -> None:
-    program = netconvert_path()
-    command = [
-        program,
-        "--node-files",
-        "lanes.nod.xml",
-        "--edge-files",
-        "lanes.edg.xml",
-        "--connection-files",
-        "lanes.con.xml",
-    ]
+    options = ["--node-files", "lanes.nod.xml", "--edge-files", "lanes.edg.xml", "--connection-files", "lanes.con.xml"]
     if with_signals:
-        command += ["--tllogic-files", "lanes.tll.xml"]
-    command += ["--offset.disable-normalization", "true", "--no-turnarounds", "true", "--junctions.corner-detail", "0"]
-    command += ["--geometry.max-grade.fix", "false", "--output-file", str(path.resolve())]
-    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if result.returncode != 0 or not path.is_file():
-        reasons = [line for line in (result.stderr + result.stdout).splitlines() if line.startswith("Error")]
-        raise SimulatorError(f"netconvert refuses the lanes: {' '.join(reasons)[:500] or result.returncode}")
-
-
-def netconvert_path() -> str:
-    """Return the path of SUMO's program netconvert: of the package ``eclipse-sumo``, or on the PATH."""
-    try:
-        import sumo
-    except ImportError:
-        found = shutil.which("netconvert")
-    else:
-        found = shutil.which("netconvert", path=str(Path(sumo.SUMO_HOME) / "bin"))
-    if found is None:
-        raise MissingPackageError("eclipse-sumo", "sumo")
-    return found
+        options += ["--tllogic-files", "lanes.tll.xml"]
+    options += ["--offset.disable-normalization", "true", "--no-turnarounds", "true", "--junctions.corner-detail", "0"]
+    options += ["--geometry.max-grade.fix", "false", "--output-file", str(path.resolve())]
+    run_netconvert(options, folder, path, "the lanes")

@@ -8,8 +8,8 @@ import scenes_xml
 from scarl_sionna.core.errors import ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.scene.actors.model import DETAILS
 
-MAP_SUFFIX = ".xodr"
-"""Of OpenDRIVE files, from which a scene is built."""
+MAP_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
+"""Of maps, from which a scene is built: OpenDRIVE, OpenStreetMap, SUMO."""
 
 
 def scene_names() -> list[str]:
@@ -42,8 +42,8 @@ def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detail
             raise ParameterRangeError(
                 "variant", variant, f"0: '{name}' is no scene of this package and has no variants"
             )
-        if path is not None and path.suffix == MAP_SUFFIX:
-            from scarl_sionna.scene.opendrive.cached import map_scene  # takes a while, and few need it
+        if path is not None and path.name.endswith(MAP_SUFFIXES):
+            from scarl_sionna.scene.streets.cached import map_scene  # takes a while, and few need it
 
             return map_scene(path, detail)
         return path if path is not None else _sionna_file(name)
@@ -60,7 +60,7 @@ def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detail
 def _file_of(name_or_path: str | Path) -> Path | None:
     """Return the XML that a path names, or None for what is the name of a scene."""
     path = Path(name_or_path)
-    if path.suffix in (".xml", MAP_SUFFIX):
+    if path.name.endswith((".xml", *MAP_SUFFIXES)):
         return path
     if path.is_dir():
         candidates = sorted(path.glob("*.xml"))
@@ -75,4 +75,4 @@ def _sionna_file(name: str) -> Path:
     if name in sionna:
         return sionna[name]
     known = [*scene_names(), *sionna]
-    raise UnknownNameError("scene", name, known, "or give the path of a Mitsuba XML or an OpenDRIVE file")
+    raise UnknownNameError("scene", name, known, "or give the path of a Mitsuba XML or a map (.xodr, .osm, .net.xml)")

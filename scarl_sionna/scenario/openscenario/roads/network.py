@@ -13,11 +13,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from scarl_sionna.scene.opendrive.building.scene import centred
-from scarl_sionna.scene.opendrive.geometry.road import RoadShape
-from scarl_sionna.scene.opendrive.model import LaneSection, StreetMap
-from scarl_sionna.scene.opendrive.network.ways import runs_forward
-from scarl_sionna.scene.opendrive.reading.street import read_map
+from scarl_sionna.scene.streets.building.scene import centred
+from scarl_sionna.scene.streets.geometry.road import RoadShape
+from scarl_sionna.scene.streets.model import LaneSection, StreetMap
+from scarl_sionna.scene.streets.network.ways import runs_forward
+from scarl_sionna.scene.streets.opendrive.street import read_map
 
 from .tables import LaneTable, RoadTable
 

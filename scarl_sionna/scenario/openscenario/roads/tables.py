@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from scarl_sionna.scene.opendrive.geometry.road import RoadShape
-from scarl_sionna.scene.opendrive.model import LaneSection
+from scarl_sionna.scene.streets.geometry.road import RoadShape
+from scarl_sionna.scene.streets.model import LaneSection
 
 STEP = 0.25
 """Distance of the rows [m]: between two of them a lane's middle is off by less than 1 mm where it bends by 0.1 /m."""

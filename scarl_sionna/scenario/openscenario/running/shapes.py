@@ -12,8 +12,8 @@ from scipy.interpolate import BSpline, PPoly
 
 from scarl_sionna.scenario.openscenario.reading.catalogs import Catalogs
 from scarl_sionna.scenario.openscenario.reading.source import Node
-from scarl_sionna.scene.opendrive.geometry.curves import evaluate
-from scarl_sionna.scene.opendrive.model import PlanPiece
+from scarl_sionna.scene.streets.geometry.curves import evaluate
+from scarl_sionna.scene.streets.model import PlanPiece
 
 from .motion import Motion, World
 from .positions import Position, read_position

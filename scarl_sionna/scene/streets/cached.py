@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import warnings
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,16 +15,27 @@ from scarl_sionna.core.untrusted.toml_text import read_toml
 from scenes_xml.cache import kept_folder
 
 from .building.scene import build_scene, scene_name
-from .reading.street import MOST_BYTES, read_map
+from .model import StreetMap
+from .opendrive.street import MOST_BYTES, read_map
+from .openstreetmap.extract import read_extract
+from .sumo.street import read_network
+
+READERS: dict[str, Callable[[Path], StreetMap]] = {
+    ".xodr": read_map,
+    ".net.xml": read_network,
+    ".osm": read_extract,
+    ".osm.xml": read_extract,
+}
+"""How a map is read, by the end of its name."""
 
 
 def map_scene(path: Path, detail: str = "detailed") -> Path:
-    """Return the XML of an OpenDRIVE file's scene, built into the cache folder unless it is there.
+    """Return the XML of a map's scene, built into the cache folder unless it is there.
 
     Parameters
     ----------
     path : Path
-        The OpenDRIVE file.
+        An OpenDRIVE file (``.xodr``), an extract of OpenStreetMap (``.osm``) or a network of SUMO (``.net.xml``).
     detail : str
         ``detailed`` or ``light``.
 
@@ -40,19 +52,23 @@ def map_scene(path: Path, detail: str = "detailed") -> Path:
     try:
         data = read_bytes(path, MOST_BYTES)
     except FileNotFoundError:
-        raise MapError("map file not found", path, "give the path of an OpenDRIVE file (.xodr)") from None
+        raise MapError("map file not found", path, f"give the path of a map ({', '.join(READERS)})") from None
     except InputFileError as error:
         raise MapError(str(error.strerror), path) from error
     except OSError as error:
         raise MapError(f"cannot be read ({error.strerror})", path, "check its permissions") from error
-    key = hashlib.sha256(path.stem.encode() + b"\0" + data + b"\0" + _builder_hash().encode()).hexdigest()[:16]
-    name = scene_name(path.stem)
+    ending = next(one for one in READERS if path.name.endswith(one))
+    stem = path.name.removesuffix(ending)
+    key = hashlib.sha256(stem.encode() + ending.encode() + b"\0" + data + b"\0" + _builder_hash().encode()).hexdigest()[
+        :16
+    ]
+    name = scene_name(stem)
     try:
         folder = kept_folder(
             "maps",
             f"{detail}-{key}",
             [f"{name}.xml", "scene.toml"],
-            lambda place: build_scene(read_map(path), place, detail),
+            lambda place: build_scene(READERS[ending](path), place, detail),
         )
     except OSError as error:
         if isinstance(error, MapError):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import shapely
@@ -14,7 +14,8 @@ from scenes_xml.generators.scene_toml import Parking
 
 from ..geometry.road import RoadShape
 from ..model import Array, Finding, MapObject, StreetMap
-from .bodies import body, corners_of, over_outline, row_body, spots
+from .bodies import Place, body, corners_of, over_outline, row_body, spots
+from .ground import GroundFrame
 from .marks import RAISED, crossing_bars
 
 LOOKS: dict[str, tuple[str, str]] = {
@@ -53,14 +54,19 @@ def kind_of(thing: MapObject) -> str:
 
 
 def add_objects(
-    kit: SceneKit, street: StreetMap, shapes: Mapping[str, RoadShape], findings: list[Finding]
+    kit: SceneKit,
+    street: StreetMap,
+    shapes: Mapping[str, RoadShape],
+    ground: GroundFrame,
+    findings: list[Finding],
 ) -> list[Parking]:
-    """Add all objects to a scene, and return its parking places."""
+    """Add all objects to a scene, those of no road on its `ground`, and return its parking places."""
     parking: list[Parking] = []
     count = 0
-    for road in street.roads.values():
-        for thing in road.objects:
-            kind, shape = kind_of(thing), shapes[road.id]
+    places: list[tuple[Place, Sequence[MapObject]]] = [(shapes[k], road.objects) for k, road in street.roads.items()]
+    for shape, things in [*places, (ground, street.objects)]:
+        for thing in things:
+            kind = kind_of(thing)
             if kind in _FLAT:
                 findings.append(Finding(thing.line, f"<object> of type '{kind}' is not drawn"))
                 continue
@@ -83,7 +89,7 @@ def add_objects(
     return parking
 
 
-def _parts(shape: RoadShape, thing: MapObject, kind: str, is_light: bool) -> dict[str, Mesh]:
+def _parts(shape: Place, thing: MapObject, kind: str, is_light: bool) -> dict[str, Mesh]:
     """Return the meshes of an object by material."""
     found: dict[str, list[Mesh]] = {}
     material = LOOKS.get(kind, ("hedge", ""))[0]
@@ -92,7 +98,7 @@ def _parts(shape: RoadShape, thing: MapObject, kind: str, is_light: bool) -> dic
             found.setdefault(own or material, []).append(mesh)
     if not thing.outlines:
         for row in thing.repeats:
-            if row.distance == 0.0 and kind not in ("tree", "pole", "streetLamp"):
+            if isinstance(shape, RoadShape) and row.distance == 0.0 and kind not in ("tree", "pole", "streetLamp"):
                 found.setdefault(material, []).extend(row_body(shape, thing, row, kind))
         for number, spot in enumerate(spots(thing, kind)):
             for own, mesh in body(shape, thing, spot, kind, number, is_light):
@@ -103,7 +109,7 @@ def _parts(shape: RoadShape, thing: MapObject, kind: str, is_light: bool) -> dic
     }
 
 
-def _rectangle(shape: RoadShape, thing: MapObject) -> Array:
+def _rectangle(shape: Place, thing: MapObject) -> Array:
     """Return the four corners of an object on the ground: of its outline, or of its length and width."""
     for outline in thing.outlines:
         points = corners_of(shape, thing, outline)[0]
@@ -121,7 +127,7 @@ def _rectangle(shape: RoadShape, thing: MapObject) -> Array:
     return base + np.column_stack([c * half[:, 0] - s * half[:, 1], s * half[:, 0] + c * half[:, 1], np.zeros(4)])
 
 
-def _crosswalk(shape: RoadShape, thing: MapObject, kind: str, is_light: bool) -> dict[str, Mesh]:
+def _crosswalk(shape: Place, thing: MapObject, kind: str, is_light: bool) -> dict[str, Mesh]:
     """Return the bars of a crossing."""
     corners = _rectangle(shape, thing)
     if np.linalg.norm(corners[1] - corners[0]) < 0.5 or np.linalg.norm(corners[3] - corners[0]) < 0.5:
@@ -133,7 +139,7 @@ def _crosswalk(shape: RoadShape, thing: MapObject, kind: str, is_light: bool) ->
     return {"line_white": merge(bars)}
 
 
-def _parking(shape: RoadShape, thing: MapObject) -> Parking:
+def _parking(shape: Place, thing: MapObject) -> Parking:
     """Return a parking place: the rectangle's middle, its longer side is its length."""
     corners = _rectangle(shape, thing)
     along, across = corners[1] - corners[0], corners[3] - corners[0]

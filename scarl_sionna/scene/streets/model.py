@@ -1,4 +1,4 @@
-"""What an OpenDRIVE file says, as plain data: lengths in metres, angles in radians, lines of the file with all."""
+"""What a map's file says, in the terms of OpenDRIVE, as plain data: metres, radians, lines of the file with all."""
 
 from __future__ import annotations
 
@@ -282,11 +282,57 @@ class Junction:
     controllers: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Program:
+    """Fixed times of lights: `cycle` [s], and by controller from when to when it is green within it [s]."""
+
+    cycle: float
+    green: dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Area:
+    """A paved place of no road: outer ring and holes, (n, 2) each [m]; `rise` above the roads around it [m].
+
+    Roads take what they need of it.
+    """
+
+    line: int
+    rings: tuple[Array, ...]
+    material: str
+    semantic: str
+    rise: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Building:
+    """A building or a part of one: outer ring and courts, (n, 2) each [m], and heights above its ground [m].
+
+    `eaves` is where the walls end, `top` the highest point of the roof; `roof` its shape (``flat``, ``gabled``,
+    ``hipped``, ``pyramidal``, ``skillion``), along the longer side or across it. `walls` and `cover` are materials.
+    """
+
+    line: int
+    id: str
+    rings: tuple[Array, ...]
+    foot: float
+    eaves: float
+    top: float
+    roof: str
+    walls: str
+    cover: str
+    storeys: int = 0
+    is_across: bool = False
+    is_open: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class StreetMap:
     """A whole file.
 
-    `controllers` lists the signals of each controller; `findings` is what is not used.
+    `controllers` lists the signals of each controller; `findings` is what is not used. What belongs to no road stands
+    in the map's own coordinates: `areas`, `buildings`, and `objects`, whose s is x and whose t is y. `source` says what
+    the file is, `licence` what its data asks for.
     """
 
     name: str
@@ -295,3 +341,9 @@ class StreetMap:
     junctions: dict[str, Junction]
     controllers: dict[str, tuple[str, ...]]
     findings: tuple[Finding, ...] = ()
+    program: Program | None = None
+    areas: tuple[Area, ...] = ()
+    buildings: tuple[Building, ...] = ()
+    objects: tuple[MapObject, ...] = ()
+    source: str = ""
+    licence: str = ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,42 +11,12 @@ import numpy as np
 from scarl_sionna.core.errors import MapError
 from scarl_sionna.core.untrusted.xml_text import LinedElement
 
-from ..model import Cubics, Finding
+from .model import Cubics, Finding
 
 LARGEST = 1e7
 """Numbers beyond it are no length in metres, and no angle."""
 
 _SPEEDS = {"km/h": 1.0 / 3.6, "mph": 0.44704, "m/s": 1.0}
-
-USED: dict[str, tuple[str, ...]] = {
-    "OpenDRIVE": ("header", "road", "junction", "controller"),
-    "header": (),
-    "road": ("link", "type", "planView", "elevationProfile", "lateralProfile", "lanes", "objects", "signals"),
-    "link": ("predecessor", "successor"),
-    "type": ("speed", "line"),
-    "planView": ("geometry",),
-    "geometry": ("line", "arc", "spiral", "poly3", "paramPoly3"),
-    "elevationProfile": ("elevation",),
-    "lateralProfile": ("superelevation", "crossfall", "shape"),
-    "lanes": ("laneOffset", "laneSection"),
-    "laneSection": ("left", "center", "right"),
-    "left": ("lane",),
-    "center": ("lane",),
-    "right": ("lane",),
-    "lane": ("link", "width", "border", "height", "roadMark", "speed"),
-    "roadMark": ("type", "explicit"),
-    "explicit": ("line",),
-    "objects": ("object", "bridge", "tunnel"),
-    "object": ("outlines", "outline", "repeat"),
-    "outlines": ("outline",),
-    "outline": ("cornerRoad", "cornerLocal"),
-    "signals": ("signal",),
-    "signal": ("validity",),
-    "junction": ("connection", "priority", "controller"),
-    "connection": ("laneLink",),
-    "controller": ("control",),
-}
-"""Children of each element that are used; others are findings."""
 
 
 class Source:
@@ -68,16 +38,19 @@ class Source:
             rows.append(Finding(min(lines), text + more))
         return tuple(sorted(rows, key=lambda finding: finding.line))
 
-    def note_unused(self, root: LinedElement) -> None:
-        """Add a finding for every element that is not used, not for those inside it."""
+    def note_unused(self, root: LinedElement, used: Mapping[str, Sequence[str]]) -> None:
+        """Add a finding for every element that is not used, not for those inside it.
+
+        `used` names the children of each element that are.
+        """
         waiting = [root]
         while waiting:
             element = waiting.pop()
             for child in element:
                 assert isinstance(child, LinedElement)
-                if child.tag in USED.get(element.tag, ()):
+                if child.tag in used.get(element.tag, ()):
                     waiting.append(child)
-                elif len(child) or child.attrib or element.tag not in USED:
+                elif len(child) or child.attrib or element.tag not in used:
                     self.note(child.line, f"<{child.tag}> in <{element.tag}> is not used")
 
     def error(self, element: LinedElement, message: str, remedy: str = "") -> MapError:

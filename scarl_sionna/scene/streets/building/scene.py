@@ -19,10 +19,13 @@ from scenes_xml.generators.surfaces import interior, urban
 from scenes_xml.generators.surfaces.palette import PALETTE
 
 from ..geometry.road import RoadShape
-from ..model import Finding, StreetMap
+from ..model import Array, Finding, MapObject, StreetMap
 from ..network.lanes import street_lanes
 from . import structures
-from .ground import GroundHeight, ground_sheets
+from .areas import paved_areas
+from .buildings import building_meshes, building_plan
+from .ground import GroundFrame, ground_sheets
+from .heights import GroundHeight
 from .marks import road_marks
 from .objects import add_objects
 from .signs import add_signals
@@ -68,10 +71,10 @@ def build_scene(street: StreetMap, folder: Path, detail: str = "detailed") -> No
     kit.materials["paving"] = PALETTE["paving"]
     kit.textures |= interior.IMAGES | urban.IMAGES
     pieces = lane_pieces(street, shapes, TOLERANCE[detail])
-    height = _add_surfaces(kit, pieces)
+    height = _add_surfaces(kit, street, pieces)
     _add_marks(kit, street, shapes, findings)
     _add_structures(kit, pieces, height)
-    parking = add_objects(kit, street, shapes, findings)
+    parking = add_objects(kit, street, shapes, GroundFrame(height), findings)
     network, lights, problems = street_lanes(street, shapes)
     findings += problems
     add_signals(kit, street, shapes, lights, findings)
@@ -83,17 +86,19 @@ def build_scene(street: StreetMap, folder: Path, detail: str = "detailed") -> No
     kit.table = {
         "name": scene_name(street.name),
         "title": street.name,
-        "source": f"OpenDRIVE {street.version[0]}.{street.version[1]}",
+        "source": street.source,
         "detail": detail,
         "shift": [float(value) for value in shift],
         "findings": _distinct(findings),
     }
+    if street.licence:
+        kit.table = {**kit.table, "licence": street.licence}
     if network.lanes:
         start, heading = network.lanes[0].points[0], network.lanes[0].end_headings[0]
         eye = start + [0.0, 0.0, 1.5]
         target = eye + 10.0 * np.array([np.cos(heading), np.sin(heading), 0.0])
         kit.view = (tuple(eye.tolist()), tuple(target.tolist()))
-    kit.write("scarl_sionna/scene/opendrive/building/scene.py")
+    kit.write("scarl_sionna/scene/streets/building/scene.py")
 
 
 def centred(street: StreetMap) -> tuple[StreetMap, np.ndarray]:
@@ -109,7 +114,19 @@ def centred(street: StreetMap) -> tuple[StreetMap, np.ndarray]:
         )
         for name, road in street.roads.items()
     }
-    return replace(street, roads=roads), shift
+    areas = tuple(replace(one, rings=tuple(ring - shift for ring in one.rings)) for one in street.areas)
+    buildings = tuple(replace(one, rings=tuple(ring - shift for ring in one.rings)) for one in street.buildings)
+    objects = tuple(_moved(one, shift) for one in street.objects)
+    return replace(street, roads=roads, areas=areas, buildings=buildings, objects=objects), shift
+
+
+def _moved(thing: MapObject, shift: Array) -> MapObject:
+    """Return an object of no road, moved."""
+    outlines = tuple(
+        replace(one, corners=tuple(replace(c, a=c.a - shift[0], b=c.b - shift[1]) for c in one.corners))
+        for one in thing.outlines
+    )
+    return replace(thing, s=thing.s - shift[0], t=thing.t - shift[1], outlines=outlines)
 
 
 def _entry(network: LaneNetwork, name: str) -> LaneEntry:
@@ -125,20 +142,29 @@ def _distinct(findings: Sequence[Finding]) -> list[str]:
     for finding in findings:
         first.setdefault(finding.text, []).append(finding.line)
     return [
-        f"line {lines[0]}: {text}" + (f" (and on {len(lines) - 1} more lines)" if len(lines) > 1 else "")
+        (f"line {lines[0]}: " if lines[0] else "")
+        + text
+        + (f" (and on {len(lines) - 1} more lines)" if len(lines) > 1 else "")
         for text, lines in first.items()
     ]
 
 
-def _add_surfaces(kit: SceneKit, pieces: Sequence[Piece]) -> GroundHeight:
+def _add_surfaces(kit: SceneKit, street: StreetMap, pieces: Sequence[Piece]) -> GroundHeight:
     parts: defaultdict[tuple[str, str, int, int], list[Mesh]] = defaultdict(list)
     for piece in pieces:
         parts[(piece.semantic, piece.material, *_block(piece.mesh))].append(piece.mesh)
     for kerb in structures.kerbs(pieces):
         parts[("SideWalks", "kerb_stone", *_block(kerb))].append(kerb)
-    sheets, height = ground_sheets(pieces)
+    paved = list(paved_areas(pieces, street.areas))
+    for one in paved:
+        parts[(one.area.semantic, one.area.material, *_block(one.surface))].append(one.surface)
+        for kerb in one.kerbs:
+            parts[("SideWalks", "kerb_stone", *_block(kerb))].append(kerb)
+    sheets, height = ground_sheets(pieces, paved, [building_plan(one) for one in street.buildings])
     for sheet in sheets:
         parts[("Terrain", "lawn", *_block(sheet))].append(sheet)
+    for semantic, material, mesh in building_meshes(street.buildings, height, kit.is_light):
+        parts[(semantic, material, *_block(mesh))].append(mesh)
     _add_blocks(kit, parts)
     return height
 

@@ -11,9 +11,9 @@ from scarl_sionna.core.untrusted.files import MEGABYTE
 from scarl_sionna.core.untrusted.xml_text import LinedElement, read_xml_with_lines
 
 from ..model import Array, Connection, Cubics, Junction, PlanPiece, Road, RoadLink, StreetMap
+from ..source import Source, child, children
 from .lanes import read_sections
 from .objects import read_objects, read_signals, read_structures
-from .source import Source, child, children
 
 MOST_BYTES = 128 * MEGABYTE
 LONGEST_ROAD = 200_000.0
@@ -26,6 +26,37 @@ _KINDS: dict[str, tuple[str, ...]] = {
     "poly3": ("a", "b", "c", "d"),
     "paramPoly3": ("aU", "bU", "cU", "dU", "aV", "bV", "cV", "dV"),
 }
+
+
+USED: dict[str, tuple[str, ...]] = {
+    "OpenDRIVE": ("header", "road", "junction", "controller"),
+    "header": (),
+    "road": ("link", "type", "planView", "elevationProfile", "lateralProfile", "lanes", "objects", "signals"),
+    "link": ("predecessor", "successor"),
+    "type": ("speed", "line"),
+    "planView": ("geometry",),
+    "geometry": ("line", "arc", "spiral", "poly3", "paramPoly3"),
+    "elevationProfile": ("elevation",),
+    "lateralProfile": ("superelevation", "crossfall", "shape"),
+    "lanes": ("laneOffset", "laneSection"),
+    "laneSection": ("left", "center", "right"),
+    "left": ("lane",),
+    "center": ("lane",),
+    "right": ("lane",),
+    "lane": ("link", "width", "border", "height", "roadMark", "speed"),
+    "roadMark": ("type", "explicit"),
+    "explicit": ("line",),
+    "objects": ("object", "bridge", "tunnel"),
+    "object": ("outlines", "outline", "repeat"),
+    "outlines": ("outline",),
+    "outline": ("cornerRoad", "cornerLocal"),
+    "signals": ("signal",),
+    "signal": ("validity",),
+    "junction": ("connection", "priority", "controller"),
+    "connection": ("laneLink",),
+    "controller": ("control",),
+}
+"""Children of each element that are used; others are findings."""
 
 
 def read_map(path: Path) -> StreetMap:
@@ -57,7 +88,7 @@ def read_map(path: Path) -> StreetMap:
         raise MapError(f"the root element is <{root.tag}>, not <OpenDRIVE>", path, "give an OpenDRIVE file", root.line)
     source = Source(path)
     version = _version(source, root)
-    source.note_unused(root)
+    source.note_unused(root, USED)
     roads: dict[str, Road] = {}
     for element in children(root, "road"):
         road = _road(source, element)
@@ -71,7 +102,15 @@ def read_map(path: Path) -> StreetMap:
         source.text(element, "id"): tuple(source.text(one, "signalId") for one in children(element, "control"))
         for element in children(root, "controller")
     }
-    return StreetMap(path.stem, version, roads, junctions, controllers, source.findings())
+    return StreetMap(
+        path.stem,
+        version,
+        roads,
+        junctions,
+        controllers,
+        source.findings(),
+        source=f"OpenDRIVE {version[0]}.{version[1]}",
+    )
 
 
 def _version(source: Source, root: LinedElement) -> tuple[int, int]:

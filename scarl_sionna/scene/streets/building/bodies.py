@@ -15,6 +15,7 @@ from scenes_xml.generators.roadside import furniture
 
 from ..geometry.road import RoadShape
 from ..model import Array, MapObject, Outline, Repeat
+from .ground import GroundFrame
 from .surfaces import Heights, sheet
 
 _SIZES = {
@@ -26,6 +27,10 @@ _SIZES = {
 _FOOT = 0.3
 _STEP = 2.0
 _TREES = 4
+
+
+Place = RoadShape | GroundFrame
+"""What objects stand on: a road by s and t, or the ground by x and y."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,7 @@ def _tiles(s: Array, across: list[float]) -> Array:
 
 
 def body(
-    shape: RoadShape, thing: MapObject, spot: Spot, kind: str, number: int, is_light: bool
+    shape: Place, thing: MapObject, spot: Spot, kind: str, number: int, is_light: bool
 ) -> Iterator[tuple[str, Mesh]]:
     """Return the meshes of one body with materials, empty for that of its kind."""
     foot = shape.point(spot.s, spot.t)
@@ -138,7 +143,7 @@ def body(
             yield "", box(size, (0.0, 0.0, 0.5 * (height - _FOOT))).moved(foot, yaw)
 
 
-def corners_of(shape: RoadShape, thing: MapObject, outline: Outline) -> tuple[Array, Array]:
+def corners_of(shape: Place, thing: MapObject, outline: Outline) -> tuple[Array, Array]:
     """Return the corners of an outline on the ground as world points (n, 3), and its heights there (n,)."""
     base, yaw = shape.point(thing.s, thing.t), float(shape.heading(thing.s)) + thing.heading
     points = []
@@ -152,7 +157,7 @@ def corners_of(shape: RoadShape, thing: MapObject, outline: Outline) -> tuple[Ar
     return np.array(points), np.array([corner.height for corner in outline.corners])
 
 
-def over_outline(shape: RoadShape, thing: MapObject, outline: Outline, kind: str) -> Iterator[tuple[str, Mesh]]:
+def over_outline(shape: Place, thing: MapObject, outline: Outline, kind: str) -> Iterator[tuple[str, Mesh]]:
     """Return walls and top of a body over an outline."""
     feet, heights = corners_of(shape, thing, outline)
     heights = np.where(heights > 0.0, heights, thing.size[2] or (0.12 if kind == "trafficIsland" else 1.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from scarl_sionna.core.untrusted.xml_text import LinedElement
 
 from ..model import Corner, MapObject, MapSignal, Outline, Repeat, Structure
-from .source import Source, child, children
+from ..source import Source, child, children
 
 _REPEATED = (
     "tStart", "tEnd", "heightStart", "heightEnd", "zOffsetStart", "zOffsetEnd", "widthStart", "widthEnd",

@@ -13,6 +13,7 @@ from scarl_sionna.scene.lanes import Signals
 from ..model import Array, MapSignal, StreetMap
 from .ways import Key, forward
 
+_ODD = r"[^A-Za-z0-9_\-]"
 GREEN, CLEARING = 20.0, 5.0
 """Share of a group in the cycle, and what of it is no green [s]."""
 
@@ -30,7 +31,7 @@ def signal_lights(street: StreetMap, links: Mapping[Key, list[Key]], lines: Mapp
     """Return the lights of a map.
 
     Signals of one controller are one group. Without a controller, those at a junction whose lanes run along one axis
-    are. The groups of a junction are green one after the other, each for 15 of 20 s.
+    are. Where the map has no program, the groups of a junction are green one after the other, each for 15 of 20 s.
     """
     of_lane: dict[Key, str] = {}
     of_signal: dict[tuple[str, str], str] = {}
@@ -46,7 +47,7 @@ def signal_lights(street: StreetMap, links: Mapping[Key, list[Key]], lines: Mapp
             place = _junction(street, lanes[0], links)
             group = controller.get(signal.id)
             name = f"controller_{group}" if group is not None else f"{place}_{_axis(lines[lanes[0]])}"
-            name = re.sub(r"[^A-Za-z0-9_\-]", "_", name)
+            name = re.sub(_ODD, "_", name)
             if name not in groups.setdefault(place, []):
                 groups[place].append(name)
             of_signal[road.id, signal.id] = name
@@ -55,7 +56,10 @@ def signal_lights(street: StreetMap, links: Mapping[Key, list[Key]], lines: Mapp
     if not groups:
         return Lights()
     cycle = max([2, *(len(names) for names in groups.values())]) * GREEN
+    cycle = street.program.cycle if street.program is not None else cycle
     greens: dict[str, tuple[float, float]] = {}
+    stated = {} if street.program is None else {f"controller_{k}": v for k, v in street.program.green.items()}
+    greens |= {re.sub(_ODD, "_", name): span for name, span in stated.items()}
     for names in groups.values():
         share = cycle / max(2, len(names))
         for number, name in enumerate(names):

@@ -18,6 +18,8 @@ from .ways import KINDS, Key, beside, following, forward, keys
 
 STEP = 2.0
 """Largest distance between two points of a centre line [m]."""
+TURN = np.radians(10.0)
+"""Largest turn from one of its pieces to the next where that needs no pieces of less than 0.1 m [rad]."""
 NARROWEST = 0.5
 """A lane that is nowhere wider is none to move on [m]."""
 _LIMITS = {"motorway": 36.1, "rural": 27.8, "town": 13.9, "lowSpeed": 8.3, "pedestrian": 2.0, "bicycle": 5.6}
@@ -78,8 +80,7 @@ def _lane(street: StreetMap, shape: RoadShape, key: Key, findings: list[Finding]
     road = street.roads[key[0]]
     section = road.sections[key[1]]
     own = section.lanes[key[2]]
-    count = max(2, int(np.ceil((section.stop - section.s) / STEP)) + 1)
-    s = np.linspace(section.s, section.stop, count)
+    s = _places(shape, key, section.s, section.stop)
     widths = shape.width(section, own, s)
     if widths.max() < NARROWEST:
         return None
@@ -99,6 +100,21 @@ def _lane(street: StreetMap, shape: RoadShape, key: Key, findings: list[Finding]
     except ParameterRangeError as error:
         findings.append(Finding(own.line, f"lane {lane_name(key)} is left out of the network: {error}"))
         return None
+
+
+def _places(shape: RoadShape, key: Key, start: float, stop: float) -> Array:
+    """Return places along a lane, `STEP` apart or, in tight bends, closer."""
+    count = max(2 if stop - start < 0.5 else 5, int(np.ceil((stop - start) / STEP)) + 1)  # 5 points show an S
+    for _ in range(5):
+        s = np.linspace(start, stop, count)
+        inner, outer = shape.edges(shape.road.sections[key[1]], key[2], s)
+        steps = np.diff(0.5 * (inner + outer)[:, :2], axis=0)
+        turns = np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
+        length = float(np.linalg.norm(steps, axis=1).min(initial=np.inf))
+        if np.abs(turns).max(initial=0.0) < TURN or length < 0.1:
+            break
+        count = 2 * count - 1
+    return s
 
 
 def _apart(points: Array) -> Array:

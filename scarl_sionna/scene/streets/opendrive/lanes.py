@@ -7,7 +7,7 @@ import numpy as np
 from scarl_sionna.core.untrusted.xml_text import LinedElement
 
 from ..model import Array, LaneSection, MapLane, MarkLine, RoadMark
-from .source import Source, child, children
+from ..source import Source, child, children
 
 _MOST_LANES = 200
 

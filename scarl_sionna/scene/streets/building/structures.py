@@ -11,8 +11,8 @@ import shapely
 from scenes_xml.generators.geometry.mesh import Mesh, box, grid, merge, tube
 
 from ..model import Array
-from .ground import GroundHeight
-from .surfaces import Piece, height_of, polygons
+from .heights import GroundHeight
+from .surfaces import Piece, height_of, polygons, wall
 
 STEP_HEIGHT = 0.005
 """Borders that differ by less are no kerb [m]."""
@@ -43,13 +43,7 @@ def kerbs(pieces: Sequence[Piece]) -> Iterator[Mesh]:
         if toward == 0 and piece.lane < 0:
             continue  # the pair at the centre once
         if np.abs(border[:, 2] - piece.inner[:, 2]).max() > STEP_HEIGHT:
-            yield _wall(border, piece.inner)
-
-
-def _wall(low: Array, high: Array) -> Mesh:
-    way = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(low[:, :2], axis=0), axis=1))]
-    points = np.stack([low, high], 1)
-    return grid(points, np.stack([np.stack([way, low[:, 2]], -1), np.stack([way, high[:, 2]], -1)], 1))
+            yield wall(border, piece.inner)
 
 
 def _skirts(piece: Piece) -> Iterator[Mesh]:
@@ -58,7 +52,7 @@ def _skirts(piece: Piece) -> Iterator[Mesh]:
         for ring in (part.exterior, *part.interiors):
             plane = shapely.get_coordinates(ring)
             top = np.column_stack([plane, height(plane)])
-            yield _wall(top - (piece.height + _FOOT) * _UP, top)
+            yield wall(top - (piece.height + _FOOT) * _UP, top)
 
 
 def spans(pieces: Sequence[Piece], structure: str) -> Iterator[tuple[Array, Array]]:

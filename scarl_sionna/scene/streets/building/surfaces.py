@@ -211,6 +211,13 @@ def sheet(area: shapely.Geometry, height: Heights, tile: float = TILE) -> Mesh:
     return mesh
 
 
+def wall(low: Array, high: Array) -> Mesh:
+    """Return the upright surface between two lines (n, 3) above each other."""
+    way = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(low[:, :2], axis=0), axis=1))]
+    points = np.stack([low, high], 1)
+    return grid(points, np.stack([np.stack([way, low[:, 2]], -1), np.stack([way, high[:, 2]], -1)], 1))
+
+
 class Height:
     """Heights of a surface at points of the plane (n, 2): in its triangles, outside that of the nearest corner."""
 

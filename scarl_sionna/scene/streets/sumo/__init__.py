@@ -1,0 +1,1 @@
+"""Road networks of SUMO (``.net.xml``) as street maps: what the file says, smooth lines, roads and ways."""
