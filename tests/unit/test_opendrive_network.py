@@ -71,6 +71,14 @@ def test_a_crossing_goes_three_ways_and_left_turns_let_oncoming_traffic_pass(tmp
     assert network["0/0/1"].signal == network["2/0/1"].signal != network["1/0/1"].signal
     assert network["0/0/-1"].signal is None
     assert lights.of_signal["0", "s0"] == "junction_9_a"
+    shared = maps.MAPS["crossing"].replace(
+        '<signal id="s2" s="2" t="6" zOffset="2.3" orientation="-" dynamic="yes" type="1000001"/>',
+        '<signalReference id="s1" s="2" t="6" orientation="-"/>',
+    )
+    network, lights, _ = _network(tmp_path, shared)  # the third arm has the light of the second
+    assert network["2/0/1"].signal == network["1/0/1"].signal == lights.of_signal["1", "s1"]
+    assert network["0/0/1"].signal != network["1/0/1"].signal and ("2", "s1") not in lights.of_signal
+    network, lights, _ = _network(tmp_path, maps.MAPS["crossing"])
     greens = network.signals.green
     for time in np.arange(0.0, network.signals.cycle, 0.5):
         assert sum(network.signals.is_green(group, time) for group in greens) <= 1

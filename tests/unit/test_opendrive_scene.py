@@ -213,3 +213,19 @@ def test_errors_of_a_map_reach_the_user(tmp_path):
     file.write_text(maps.MAPS["line"])
     with pytest.raises(ParameterRangeError, match="has no variants"):
         ss.load_scene(file, variant=2)
+
+
+def test_a_road_over_another_gets_a_deck_and_the_road_below_is_open(tmp_path):
+    file = tmp_path / "over.xodr"
+    text = maps.MAPS["bridge"]
+    file.write_text(text[: text.index("<objects>")] + text[text.index("</objects>") + len("</objects>") :])
+    with pytest.warns(MapWarning, match="passes over another"):
+        world = ss.load_scene(file)
+    assert any(one.name.startswith("bridge_") for one in world.instances.values())
+    state = world.at(0.0)
+    below = state.cast(np.array([30.0, -1.75, 1.5]), np.array([[1.0, 0.0, 0.0]]), max_distance=40.0)
+    assert len(below.ray) == 0
+    above = state.cast(np.array([50.0, 0.0, 9.0]), np.array([[0.0, 0.0, -1.0]]))
+    assert above.point[0, 2] == pytest.approx(7.0, abs=CENTIMETRE)
+    up = state.cast(np.array([50.0, -1.75, 1.0]), np.array([[0.0, 0.0, 1.0]]))
+    assert up.point[0, 2] == pytest.approx(7.0 - 0.9, abs=0.05)  # the deck's lower side

@@ -216,6 +216,17 @@ class MapSignal:
     lanes: tuple[int, ...] = ()
 
 
+@dataclass(frozen=True)
+class SignalReference:
+    """A signal of another road that holds for this one, from `s` on; `lanes` and `orientation` as of a signal."""
+
+    line: int
+    id: str
+    s: float
+    orientation: str
+    lanes: tuple[int, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Road:
     """One road.
@@ -243,6 +254,7 @@ class Road:
     objects: tuple[MapObject, ...] = ()
     signals: tuple[MapSignal, ...] = ()
     structures: tuple[Structure, ...] = ()
+    references: tuple[SignalReference, ...] = ()
 
     @cached_property
     def breaks(self) -> Array:

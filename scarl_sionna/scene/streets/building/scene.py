@@ -18,6 +18,7 @@ from scenes_xml.generators.scene_toml import Lane as LaneEntry
 from scenes_xml.generators.surfaces import interior, urban
 from scenes_xml.generators.surfaces.palette import PALETTE
 
+from ..geometry.decks import with_decks
 from ..geometry.road import RoadShape
 from ..model import Array, Finding, MapObject, StreetMap
 from ..network.lanes import street_lanes
@@ -65,6 +66,7 @@ def build_scene(street: StreetMap, folder: Path, detail: str = "detailed") -> No
     findings = list(street.findings)
     if np.any(shift):
         findings.append(Finding(1, f"the map is moved by x = {-shift[0]:.0f} m, y = {-shift[1]:.0f} m"))
+    street = with_decks(street, shapes, findings)
     kit = SceneKit(folder, {"name": scene_name(street.name)}, detail)
     kit.materials |= interior.MATERIALS | urban.MATERIALS
     kit.materials |= {name: replace(kit.materials["line_white"], color=color) for name, color in _PAINTS.items()}

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,22 +37,18 @@ def signal_lights(street: StreetMap, links: Mapping[Key, list[Key]], lines: Mapp
     of_signal: dict[tuple[str, str], str] = {}
     groups: dict[str, list[str]] = {}
     controller = {signal: name for name, signals in street.controllers.items() for signal in signals}
-    for road in street.roads.values():
-        for signal in road.signals:
-            if not signal.is_dynamic:
-                continue
-            lanes = _stopped(street, road.id, signal, links)
-            if not lanes:
-                continue
-            place = _junction(street, lanes[0], links)
-            group = controller.get(signal.id)
-            name = f"controller_{group}" if group is not None else f"{place}_{_axis(lines[lanes[0]])}"
-            name = re.sub(_ODD, "_", name)
-            if name not in groups.setdefault(place, []):
-                groups[place].append(name)
-            of_signal[road.id, signal.id] = name
-            for lane in lanes:
-                of_lane.setdefault(lane, name)
+    for road, signal, home in _dynamic(street):
+        lanes = _stopped(street, road, signal, links)
+        if not lanes:
+            continue
+        place = _junction(street, lanes[0], links)
+        group = controller.get(signal.id)
+        name = f"controller_{group}" if group is not None else f"{place}_{_axis(lines[lanes[0]])}"
+        name = of_signal.setdefault((home, signal.id), re.sub(_ODD, "_", name))
+        if not any(name in names for names in groups.values()):
+            groups.setdefault(place, []).append(name)
+        for lane in lanes:
+            of_lane.setdefault(lane, name)
     if not groups:
         return Lights()
     cycle = max([2, *(len(names) for names in groups.values())]) * GREEN
@@ -65,6 +61,21 @@ def signal_lights(street: StreetMap, links: Mapping[Key, list[Key]], lines: Mapp
         for number, name in enumerate(names):
             greens.setdefault(name, (number * share, (number + 1) * share - CLEARING))
     return Lights(Signals(cycle, greens), of_lane, of_signal)
+
+
+def _dynamic(street: StreetMap) -> Iterator[tuple[str, MapSignal, str]]:
+    """Return the lights and the road for which each holds, by itself or by reference, with the road where it stands."""
+    homes: dict[str, tuple[str, MapSignal]] = {}
+    for road in street.roads.values():
+        for signal in road.signals:
+            if signal.is_dynamic:
+                homes.setdefault(signal.id, (road.id, signal))
+                yield road.id, signal, road.id
+    for road in street.roads.values():
+        for one in road.references:
+            if one.id in homes:
+                home, signal = homes[one.id]
+                yield road.id, replace(signal, s=one.s, orientation=one.orientation, lanes=one.lanes), home
 
 
 def _stopped(street: StreetMap, road: str, signal: MapSignal, links: Mapping[Key, list[Key]]) -> list[Key]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scarl_sionna.core.untrusted.xml_text import LinedElement
 
-from ..model import Corner, MapObject, MapSignal, Outline, Repeat, Structure
+from ..model import Corner, MapObject, MapSignal, Outline, Repeat, SignalReference, Structure
 from ..source import Source, child, children
 
 _REPEATED = (
@@ -78,12 +78,6 @@ def read_signals(source: Source, element: LinedElement | None) -> tuple[MapSigna
     found = []
     for one in children(element, "signal"):
         value = source.number(one, "value", 0.0) if one.get("value") else None
-        lanes: list[int] = []
-        for span in children(one, "validity"):
-            ends = sorted((source.whole(span, "fromLane"), source.whole(span, "toLane")))
-            if ends[1] - ends[0] > 1000:
-                raise source.error(span, f"names lanes {ends[0]} to {ends[1]}")
-            lanes += range(ends[0], ends[1] + 1)
         found.append(
             MapSignal(
                 one.line,
@@ -101,7 +95,32 @@ def read_signals(source: Source, element: LinedElement | None) -> tuple[MapSigna
                 source.text(one, "unit", ""),
                 source.number(one, "height", 0.0, 0.0, _TALLEST),
                 source.number(one, "width", 0.0, 0.0, _TALLEST),
-                tuple(sorted(set(lanes))),
+                _lanes(source, one),
             )
         )
     return tuple(found)
+
+
+def _lanes(source: Source, element: LinedElement) -> tuple[int, ...]:
+    """Return the lanes for which a signal is valid."""
+    lanes: set[int] = set()
+    for span in children(element, "validity"):
+        ends = sorted((source.whole(span, "fromLane"), source.whole(span, "toLane")))
+        if ends[1] - ends[0] > 1000:
+            raise source.error(span, f"names lanes {ends[0]} to {ends[1]}")
+        lanes |= set(range(ends[0], ends[1] + 1))
+    return tuple(sorted(lanes))
+
+
+def read_references(source: Source, element: LinedElement | None) -> tuple[SignalReference, ...]:
+    """Return the signals of other roads that hold for a road."""
+    return tuple(
+        SignalReference(
+            one.line,
+            source.text(one, "id"),
+            source.number(one, "s"),
+            source.text(one, "orientation", "none"),
+            _lanes(source, one),
+        )
+        for one in children(element, "signalReference")
+    )

@@ -13,7 +13,7 @@ from scarl_sionna.core.untrusted.xml_text import LinedElement, read_xml_with_lin
 from ..model import Array, Connection, Cubics, Junction, PlanPiece, Road, RoadLink, StreetMap
 from ..source import Source, child, children
 from .lanes import read_sections
-from .objects import read_objects, read_signals, read_structures
+from .objects import read_objects, read_references, read_signals, read_structures
 
 MOST_BYTES = 128 * MEGABYTE
 LONGEST_ROAD = 200_000.0
@@ -50,7 +50,8 @@ USED: dict[str, tuple[str, ...]] = {
     "object": ("outlines", "outline", "repeat"),
     "outlines": ("outline",),
     "outline": ("cornerRoad", "cornerLocal"),
-    "signals": ("signal",),
+    "signals": ("signal", "signalReference"),
+    "signalReference": ("validity",),
     "signal": ("validity",),
     "junction": ("connection", "priority", "controller"),
     "connection": ("laneLink",),
@@ -155,6 +156,7 @@ def _road(source: Source, element: LinedElement) -> Road:
         read_objects(source, objects),
         read_signals(source, child(element, "signals")),
         read_structures(source, objects),
+        read_references(source, child(element, "signals")),
     )
 
 
