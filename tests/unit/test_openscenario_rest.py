@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import fresnel
 
+from scarl_sionna.core.errors import ScenarioError
 from scarl_sionna.scenario.openscenario.drive import read_drive
 from tests import openscenario_files as files
 
@@ -195,3 +196,42 @@ def test_beside_one_who_drives_against_the_traffic_others_do(tmp_path):
     assert at(found, "other", 0.0).x == pytest.approx(230.0, abs=1e-3)  # behind, on its right
     assert at(found, "other", 0.0).y == pytest.approx(1.75, abs=1e-3)
     assert at(found, "other", 5.0).x == pytest.approx(170.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("free, wanted", [("false", 5.0), ("true", 5.0 + 4.5 / 10.0)])
+def test_a_lane_is_clear_when_who_is_on_it_is_far_ahead(tmp_path, free, wanted):
+    test = (
+        '<RelativeClearanceCondition oppositeLanes="false" distanceForward="40" distanceBackward="10" '
+        f'freeSpace="{free}"><RelativeLaneRange from="-1" to="-1"/></RelativeClearanceCondition>'
+    )
+    other = files.init("other", files.on_lane(10.0, -2), 30.0)  # 10 m behind, 10 m/s faster
+    act = files.group("Ego", files.event(files.speed(0.0, "linear", "rate", 4.0), files.of_entity("Ego", test)))
+    track = drive(tmp_path, act, other=other).run.tracks["Ego"]
+    begins = next(before.time for before, after in pairwise(track) if after.acceleration < -3.9)
+    assert begins == pytest.approx(wanted, abs=1e-4)
+
+
+def test_who_follows_a_trajectory_arrives_with_the_other(tmp_path):
+    """A vehicle crosses on a polyline and is at its middle, 40 m along, when the other has driven 100 m."""
+    corners = ((150, -42), (150, 58))
+    vertices = "".join(f'<Vertex><Position><WorldPosition x="{x}" y="{y}"/></Position></Vertex>' for x, y in corners)
+    sync = (
+        '<PrivateAction><SynchronizeAction masterEntityRef="Ego">'
+        '<TargetPositionMaster><LanePosition roadId="1" laneId="-1" s="120"/></TargetPositionMaster>'
+        '<TargetPosition><WorldPosition x="150" y="-2"/></TargetPosition>'
+        '<FinalSpeed><AbsoluteSpeed value="9"/></FinalSpeed></SynchronizeAction></PrivateAction>'
+    )
+    cross = follow(f"<Polyline>{vertices}</Polyline>", "<None/>")
+    found = drive(tmp_path, "", other=f'<Private entityRef="other">{files.speed(6.0)}{cross}{sync}</Private>')
+    assert at(found, "other", 5.0).y == pytest.approx(-2.0, abs=0.05)
+    assert at(found, "other", 6.0).speed == pytest.approx(9.0, abs=1e-3)
+
+
+def test_who_is_no_entity_is_named(tmp_path):
+    for wrong in (
+        files.init("nobody", files.on_lane(30.0)),
+        files.init("Ego", files.on_lane(20.0)) + '<GlobalAction><EntityAction entityRef="nobody"><AddEntityAction>'
+        f"{files.on_lane(20.0)}</AddEntityAction></EntityAction></GlobalAction>",
+    ):
+        with pytest.raises(ScenarioError, match="'nobody' is no entity"):
+            read_drive(files.written(tmp_path, files.scenario(BOTH, wrong)))

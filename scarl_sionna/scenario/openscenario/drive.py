@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -113,7 +114,7 @@ def _cached(path: Path, stamp: tuple[int, int], map_file: Path | None, map_stamp
     found_map, roads = _roads(root, map_file)
     entities = read_entities(root, catalogs)
     board = root.need("Storyboard")
-    init = _init(board, catalogs)
+    init = _init(board, catalogs, entities)
     storyboard = Storyboard(board, catalogs, entities)
     problems.check()
     surroundings: dict[str, Any] = {}
@@ -156,7 +157,7 @@ def _roads(root: Node, map_file: Path | None) -> tuple[Path | None, Roads | None
         raise ScenarioFileError(str(error), place, remedy, value=map_file) from error
 
 
-def _init(board: Node, catalogs: Catalogs) -> list[tuple[Action, str]]:
+def _init(board: Node, catalogs: Catalogs, known: Collection[str]) -> list[tuple[Action, str]]:
     """Return the actions of <Init> with their actors."""
     found: list[tuple[Action, str]] = []
     init = board.child("Init")
@@ -167,6 +168,8 @@ def _init(board: Node, catalogs: Catalogs) -> list[tuple[Action, str]]:
                 found += [(action, "") for action in read_global(node, catalogs)]
             elif node.tag == "Private":
                 actor = node.text("entityRef")
+                if actor not in known:
+                    raise node.error(f"'{actor}' is no entity", f"known: {', '.join(known)}")
                 for one in node.children("PrivateAction"):
                     with node.problems.collected():
                         found += [(action, actor) for action in read_private(one, catalogs)]

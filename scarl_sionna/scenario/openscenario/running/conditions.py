@@ -318,6 +318,40 @@ class _Touch(Test):
         return False
 
 
+class _Clearance(Test):
+    """RelativeClearanceCondition (1.2): nobody is on some lanes from behind to before the entity."""
+
+    def __init__(self, node: Node, name: str) -> None:
+        self.node, self.name = node, name
+        self._reach = (node.number("distanceBackward", 0.0, 0.0), node.number("distanceForward", 0.0, 0.0))
+        self._with_oncoming, is_free = node.truth("oppositeLanes"), node.truth("freeSpace")
+        ranges = node.children("RelativeLaneRange")
+        self._lanes = [(one.number("from", -99.0), one.number("to", 99.0)) for one in ranges]
+        self._others = [one.text("entityRef") for one in node.children("EntityRef")]
+        self._measure = Distance(node, "longitudinal")
+        self._measure.system, self._measure.kind, self._measure.is_free = "road", "longitudinal", is_free
+
+    def holds(self, stage: Stage) -> bool:
+        own, roads = stage.motion(self.name, self.node), stage.roads
+        if roads is None or own.spot is None:
+            raise self.node.error("needs roads, and the scenario has no map")
+        here = own.lane(roads)
+        for name in self._others or list(stage.motions):
+            other = stage.motion(name, self.node)
+            if name == self.name or not other.is_present or other.spot is None:
+                continue
+            if not self._with_oncoming and math.cos(other.heading - own.heading) < 0.0:
+                continue
+            there = other.lane(roads)
+            lanes = own.spot.way * (there - here - ((there > 0) - (here > 0)))  # there is no lane 0
+            if self._lanes and not any(low <= lanes <= high for low, high in self._lanes):
+                continue
+            away = self._measure.signed(stage, self.name, name)
+            if away is not None and -self._reach[0] <= away <= self._reach[1]:
+                return False
+        return True
+
+
 class _RelativeAngle(_OfEntity):
     """RelativeAngleCondition (1.3): difference of the headings."""
 
@@ -342,7 +376,7 @@ def read_test(node: Node, name: str, catalogs: Catalogs) -> Test:
     ScenarioError
         If it is not read or a value of it is wrong.
     """
-    plain: dict[str, type[_OfEntity | _Lasting | _Touch]] = {
+    plain: dict[str, type[_OfEntity | _Lasting | _Touch | _Clearance]] = {
         "SpeedCondition": _Speed,
         "AccelerationCondition": _Acceleration,
         "RelativeSpeedCondition": _RelativeSpeed,
@@ -353,6 +387,7 @@ def read_test(node: Node, name: str, catalogs: Catalogs) -> Test:
         "OffroadCondition": _OffRoad,
         "CollisionCondition": _Touch,
         "RelativeAngleCondition": _RelativeAngle,
+        "RelativeClearanceCondition": _Clearance,
     }
     if node.tag in plain:
         return plain[node.tag](node, name)  # type: ignore[call-arg]

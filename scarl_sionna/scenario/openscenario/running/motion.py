@@ -83,6 +83,9 @@ class World(Protocol):
     motions: dict[str, Motion]
     routes: dict[str, tuple[str, ...]]
 
+    def ahead_on_line(self, name: str, x: float, y: float) -> float | None:
+        """Return the way along the trajectory that an entity follows to a point [m]; None where it follows none."""
+
     def motion(self, name: str, node: Node) -> Motion:
         """Return the present motion of an entity that an element names."""
 

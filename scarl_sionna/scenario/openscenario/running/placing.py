@@ -173,12 +173,12 @@ class FollowTrajectoryAction(Action):
 
     def first_place(self, stage: Stage) -> Place:
         """Return where the trajectory begins, for an entity that has no other place."""
-        x, y, heading = self._trajectory.line(stage).at(self._start)
+        x, y, heading = self._trajectory.line(stage, "").at(self._start)
         return placed(stage.roads, x, y, heading)
 
     def begin(self, stage: Stage, actor: str) -> Process | None:
         """Begin to follow the trajectory, whose positions are those of now."""
-        motion, line = stage.motions[actor], self._trajectory.line(stage)
+        motion, line = stage.motions[actor], self._trajectory.line(stage, actor)
         if self._start >= line.length:
             raise self.node.error(
                 f"initialDistanceOffset = {self._start:g} m, the trajectory is {line.length:.4g} m long"

@@ -195,10 +195,13 @@ class Synchronize(Process):
 
     def _left(self, world: World) -> tuple[float, float]:
         """Return the distance that is left to go [m], and the time that the master needs [s]."""
-        found = []
+        found: list[float] = []
         for name, place in ((self.actor, self.own), (self.master, self.others)):
             motion = world.motion(name, self.node)
-            if place.spot is not None and motion.spot is not None:
+            away = world.ahead_on_line(name, place.x, place.y)
+            if away is not None:
+                pass  # along its trajectory
+            elif place.spot is not None and motion.spot is not None:
                 away = self._ahead(world, name, place)
                 if away is None:
                     raise self.node.error(f"no road leads '{name}' to its target position")

@@ -83,6 +83,8 @@ class _EntityAction(Action):
 
     def begin(self, stage: Stage, actor: str) -> Process | None:
         """Let the entity be there from now on, or no more."""
+        if self._name not in stage.entities:
+            raise self.node.error(f"'{self._name}' is no entity", f"known: {', '.join(stage.entities)}")
         if self._teleport is not None:
             self._teleport.begin(stage, self._name)
         stage.show(self._name, self._teleport is not None, self.node)

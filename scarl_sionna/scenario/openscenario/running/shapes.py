@@ -46,6 +46,13 @@ class Line:
         """Its length [m]."""
         return float(self.ways[-1])
 
+    def nearest(self, x: float, y: float) -> float:
+        """Return the way of the place nearest to a point [m]."""
+        start, step = self.points[:-1], np.diff(self.points, axis=0)
+        part = np.clip((([x, y] - start) * step).sum(1) / (step * step).sum(1), 0.0, 1.0)
+        index = int(np.linalg.norm(start + part[:, None] * step - [x, y], axis=1).argmin())
+        return float(self.ways[index] + part[index] * (self.ways[index + 1] - self.ways[index]))
+
     def at(self, way: float) -> tuple[float, float, float]:
         """Return x, y [m] and the heading [rad] at a way, held at both ends."""
         index = int(np.clip(np.searchsorted(self.ways, way, "right") - 1, 0, len(self.ways) - 2))
@@ -76,14 +83,17 @@ class Trajectory:
         self._weights: list[float] = []
         readers[self._shape.tag](catalogs)
 
-    def line(self, world: World) -> Line:
-        """Return the line of points with the positions as they are now."""
+    def line(self, world: World, actor: str) -> Line:
+        """Return the line of points with the positions as they are now.
+
+        A clothoid spline without a start begins where the actor is.
+        """
         shape = self._shape
         if shape.tag == "Polyline":
             return self._polyline(world)
         if shape.tag == "Nurbs":
             return self._nurbs(world)
-        return self._clothoids(world)
+        return self._clothoids(world, actor)
 
     def _read_polyline(self, catalogs: Catalogs) -> None:
         self._read_points(self._shape.children("Vertex"), catalogs)
@@ -118,14 +128,12 @@ class Trajectory:
         if not nodes:
             raise self._shape.error("has no <ClothoidSplineSegment>")
         start = nodes[0].child("PositionStart")
-        if start is None:
-            raise nodes[0].error("has no <PositionStart>", "say where the spline begins")
         for later in nodes[1:]:
             if later.child("PositionStart") is not None or later.number("hOffset", 0.0) != 0.0:
                 raise later.unsupported(
                     "let each segment begin where the one before ends", "with its own start is not read"
                 )
-        self._places = [read_position(start, catalogs)]
+        self._places = [] if start is None else [read_position(start, catalogs)]
         self._pieces = [
             (one.number("curvatureStart"), one.number("curvatureEnd"), one.number("length", low=1e-3, high=1e5))
             for one in nodes
@@ -194,8 +202,8 @@ class Trajectory:
         every = np.unique(np.linspace(0, count, 20 * len(points) + 1).astype(int))
         return Line(plan[kept], ways[kept], ways[every], (rows[:, 3] / rows[:, 0])[every])
 
-    def _clothoids(self, world: World) -> Line:
-        place = self._places[0].place(world)
+    def _clothoids(self, world: World, actor: str) -> Line:
+        place = self._places[0].place(world) if self._places else world.motion(actor, self._shape)
         x, y, heading = place.x, place.y, place.heading
         parts, ends = [np.array([[x, y]])], [0.0]
         for first, last, length in self._pieces:

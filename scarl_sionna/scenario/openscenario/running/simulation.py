@@ -98,6 +98,13 @@ class Simulation:
             raise node.error(f"'{name}' has no place at {self.time:.4g} s", "give it a TeleportAction in <Init>")
         return self.motions[name]
 
+    def ahead_on_line(self, name: str, x: float, y: float) -> float | None:
+        """Return the way along the trajectory that an entity follows to a point [m]; None where it follows none."""
+        running = self._running.get((name, "lateral"))
+        if running is None or not isinstance(running.process, Follow):
+            return None
+        return running.process.line.nearest(x, y) - self.motions[name].along
+
     def put(self, name: str, motion: Motion) -> None:
         """Replace the present motion of an entity."""
         self.motions[name] = motion
@@ -161,27 +168,29 @@ class Simulation:
         self.motions[actor] = replace(motion, spot=place.spot, left=place.left, beyond=0.0, drift=0.0)
 
     def start(self, actions: list[tuple[Action, str]]) -> None:
-        """Do the actions of <Init>, those of position first, in an order in which each knows what it refers to."""
-        waiting = actions
+        """Do the actions of <Init>: those that give a place, in an order in which each knows what it refers to.
+
+        Then the others, in the order of the file.
+        """
+        placed_first = {actor for action, actor in actions if isinstance(action, TeleportAction)}
+        waiting = [one for one in actions if isinstance(one[0], TeleportAction | FollowTrajectoryAction)]
         while waiting:
             left, problem = [], None
             for action, actor in waiting:
                 try:
-                    self._first(action, actor)
+                    if isinstance(action, TeleportAction):
+                        action.begin(self, actor)
+                    elif isinstance(action, FollowTrajectoryAction) and actor not in placed_first:
+                        self.motions[actor] = at_place(action.first_place(self), self.time)
                 except ScenarioError as error:
                     problem = problem or error
                     left.append((action, actor))
             if problem is not None and len(left) == len(waiting):
                 raise problem
             waiting = left
-
-    def _first(self, action: Action, actor: str) -> None:
-        if isinstance(action, FollowTrajectoryAction) and actor not in self.motions and actor in self.entities:
-            self.motions[actor] = at_place(action.first_place(self), self.time)
-        if isinstance(action, TeleportAction):
-            action.begin(self, actor)
-        else:
-            self.run(action, actor)
+        for action, actor in actions:
+            if not isinstance(action, TeleportAction):
+                self.run(action, actor)
 
     def simulate(self, longest: float = LONGEST) -> Run:
         """Run the storyboard to its end and return the motions."""
