@@ -4,8 +4,7 @@
     python benchmarks/street_levels.py --write docs/accuracy.md     table from the results
 
 All coherent bodies of a frame are traced by the plan of `auto` at 1 dB, with its reflections and without a budget; only
-the knobs differ. The reference has patches of 0.4 rad that do not follow from motion, edges cut twice and sheets three
-times as finely as by default, five bounces and no angle of return. Frames as in `whole_streets.py street`.
+the knobs differ. Frames and reference as in `whole_streets.py street`.
 """
 
 from __future__ import annotations
@@ -24,16 +23,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.harness import machine, write_block
 from benchmarks.street_scenes import street
-from benchmarks.whole_streets import RADAR, _by_plan, _name, _plan, echoes
+from benchmarks.whole_streets import RADAR, _by_plan, _name, _plan, echoes, reference
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO
-from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
 from scarl_sionna.radar.channel.compose.expected_error import expected_errors
 
 RESULTS = Path("docs/figures/data/street_levels.jsonl")
-REFERENCE = SbrSettings(
-    max_phase=0.4, integration_phase=0.02, max_turn=3.0, max_depth=5, edge_share=0.0625, sheet_share=0.05
-)
 ROUGH, COARSE, MIDDLE = DEFAULT_AUTO.levels[:3]
 LEVELS = {
     "3 rad, edges 1, three bounces": ROUGH.with_(max_depth=3),
@@ -55,15 +50,8 @@ def solve(seed: int, line: dict[str, Any] | None = None) -> dict[str, Any]:
     plan = _plan(frame, 1.0)
     bodies = sorted({number for share in plan.shares if share.solver == "sbr" for number in share.instances})
     if line is None:
-        start = time.process_time()
-        truth = echoes(_by_plan(frame, plan, REFERENCE, True), bodies)
-        line = {
-            "seed": seed,
-            "name": frame.name,
-            "reference_cpu": round(time.process_time() - start, 1),
-            "level_db": {_name(frame, n): round(level, 2) for n, level in truth.items() if level > 10.0},
-            "levels": {},
-        }
+        level, seconds = reference("street", seed, frame, plan, bodies)
+        line = {"seed": seed, "name": frame.name, "reference_cpu": seconds, "level_db": level, "levels": {}}
     counted = {_name(frame, number): number for number in bodies if _name(frame, number) in line["level_db"]}
     for label in (label for label in LEVELS if label not in line["levels"]):
         start = time.process_time()

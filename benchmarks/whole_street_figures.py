@@ -24,7 +24,7 @@ def kept(row: dict[str, Any]) -> float:
 def write(page: Path, results: Path) -> None:
     """Draw the chart and renew the marked block of a page."""
     lines = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
-    draw(lines, page.parent / "figures" / "accuracy_streets.png")
+    draw(lines, page.parent / "figures" / "accuracy_streets.webp")
     write_block(page, "streets", report(lines))
 
 
@@ -52,21 +52,23 @@ def draw(lines: Sequence[dict[str, Any]], file: Path) -> None:
         place.grid(alpha=0.2)
     axes[0].set_ylabel("error that 90 % of the objects keep [dB]")
     axes[0].legend(fontsize=8, loc="lower left")
-    figure.savefig(file, dpi=100)
+    figure.savefig(file, dpi=100, pil_kwargs={"lossless": True})
     plt.close(figure)
 
 
 def report(lines: Sequence[dict[str, Any]]) -> str:
     """Return the markdown of the results."""
-    text = ["![Error against CPU time, whole streets](figures/accuracy_streets.png)", ""]
+    text = ["![Error against CPU time, whole streets](figures/accuracy_streets.webp)", ""]
     for kind, title in KINDS.items():
         some = [line for line in lines if line["kind"] == kind]
         if not some:
             continue
-        last = max(line["seed"] for line in some)
-        command = f"python benchmarks/whole_streets.py {kind} 0:{last + 1}"
+        seeds = sorted(line["seed"] for line in some)
+        command = f"python benchmarks/whole_streets.py {kind} 0:{seeds[-1] + 1}"
+        whole = len(seeds) == seeds[-1] + 1
+        which = f"0 to {seeds[-1]}" if whole else ", ".join(map(str, seeds))
         text += [
-            f"{len(some)} {title} (seeds 0 to {last}); `{command}`, {some[-1]['machine']}.",
+            f"{len(some)} {title} (seeds {which}); `{command}`, {some[-1]['machine']}.",
             "",
             "| method | error that 90 % of the objects keep, median of the problems [dB] | 90th percentile "
             "| tolerance met | not met and `met` true | CPU, median [s] | at most twice the cheapest sufficient |",

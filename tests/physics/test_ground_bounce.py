@@ -49,6 +49,6 @@ def test_two_ray_fading_of_a_car_is_that_of_image_theory(tmp_path) -> None:
         distance = float(problem.DISTANCES[number])
         state, alone = problem.states("car", distance, tmp_path / f"{number}")
         exact, free = problem.by_image_theory("car", distance, alone)
-        found = problem.by_auto(state, 1.0)
+        found = problem.by_auto(state, 0.3)  # at 1 dB the round body is up to 1.1 dB off, docs/accuracy.md
         assert found["road"]
         assert problem.error_db(found["power"], exact, free) < 0.5

@@ -30,6 +30,8 @@ def test_names_ids_classes_and_the_rest_are_resolved(state) -> None:
     plan = resolve(ChannelPlan((Share("sbr", ("Car",)), Share("raycast")), mirrors=(1,)), state.world)
     assert plan.owned == ((2, 3), (1,)) and plan.mirrors == (1,)
     assert resolve(ChannelPlan((Share("raycast", ("van", 3, "van")),)), state.world).owned == ((2, 3),)
+    lit = resolve(ChannelPlan((Share("sbr", ("Car",), lit=("car",)), Share("raycast"))), state.world)
+    assert lit.owned == ((2, 3), (1,)) and lit.lit == ((3,), (1,))
 
 
 @pytest.mark.parametrize(
@@ -61,6 +63,10 @@ def test_bad_plans_are_refused(state) -> None:
         Share("sbr", "van")
     with pytest.raises(ParameterRangeError, match="random phases"):
         Share("raycast", ("van",), through_mirrors=True)
+    with pytest.raises(ParameterRangeError, match="lit given for 'raycast'|'raycast'.*whose bodies bounce"):
+        Share("raycast", ("van",), lit=("van",))
+    with pytest.raises(ParameterRangeError, match=r"'car'.*instances of the share \(share 0\)"):
+        resolve(ChannelPlan((Share("sbr", ("van",), lit=("car",)),)), state.world)
     with pytest.raises(UnknownNameError, match="SbrSettings.instances is an unknown field"):
         Share("sbr", ("van",), {"instances": ["car"]})
     with pytest.raises(ParameterRangeError, match="mirror_depth"):

@@ -106,7 +106,7 @@ def test_a_level_that_computes_road_users_comes_before_one_that_is_better_on_ave
     rough, fine = rules.levels[0], rules.levels[2]
     prices = {rough.tolerance_db: (100, 10), fine.tolerance_db: (1000, 10)}
     monkeypatch.setattr(
-        choose, "_num_tubes", lambda _, choice, level: prices[level.tolerance_db]["car" not in choice.item.name]
+        choose, "num_tubes_of", lambda _, choice, level: prices[level.tolerance_db]["car" not in choice.item.name]
     )
     for budget, taken in ((1100, fine), (105, rough), (90, fine)):
         view = SimpleNamespace(rules=rules, settings=SimpleNamespace(accuracy=Accuracy(tube_budget=budget)))

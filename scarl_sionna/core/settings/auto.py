@@ -77,7 +77,7 @@ class ErrorEstimate(Spec):
         "docs/accuracy.md, expected error",
     )
     tail: float = Field(
-        1.27,
+        1.4,
         gt=0.0,
         description="exponent by which the odds of being within an error grow with it: a number; docs/accuracy.md, "
         "expected error",
@@ -88,6 +88,18 @@ class ErrorEstimate(Spec):
         lt=1.0,
         description="probability with which the error is kept that a solve states: a ratio; docs/accuracy.md, expected "
         "error",
+    )
+    looked_at: float = Field(
+        0.67,
+        ge=0.0,
+        description="expected error of an object that was looked at again, relative to that of one that was not: a "
+        "ratio; docs/accuracy.md, second look",
+    )
+    difference: float = Field(
+        1.33,
+        ge=0.0,
+        description="expected error over what the echo differs by from that of the next coarser level: a ratio; "
+        "docs/accuracy.md, second look",
     )
     by_class_db: Decibels = Field(
         8.0,
@@ -152,6 +164,20 @@ class AutoSettings(Spec):
     )
     tubes: TubeEstimate = Field(TubeEstimate(), description="what an object costs in the budget")
     errors: ErrorEstimate = Field(ErrorEstimate(), description="what each object is expected to be off by")
+    look_share: float = Field(
+        0.25,
+        ge=0.0,
+        le=4.0,
+        description="number of tubes of the second look over that of the solve, at most; 0: none; docs/accuracy.md, "
+        "second look",
+    )
+    refine_share: float = Field(
+        0.5,
+        ge=0.0,
+        le=4.0,
+        description="number of tubes of what is computed at the next finer level, since the tolerance is not met, over "
+        "that of the solve, at most; docs/accuracy.md, second look",
+    )
     counts_from_db: Decibels = Field(
         10.0,
         description="objects that are this far over the noise of a cell by their class are counted in `met`: what can "

@@ -103,13 +103,17 @@ class Share(Described):
         Which of the objects are seen over which mirrors; all over all if empty and `through_mirrors` is true.
     reason : str
         Why, for the diagnostics.
+    lit : sequence of str or int
+        Names, ids or classes, all of the share: what waves meet first. The others of the share only take part in
+        bounces. All if empty; for `sbr` only.
 
     Raises
     ------
     UnknownNameError
         If there is no such solver of objects, or no such field in its settings.
     ParameterRangeError
-        If `instances` is a text, or `through_mirrors` is asked of a solver that is not coherent.
+        If `instances` or `lit` is a text, `through_mirrors` is asked of a solver that is not coherent, or `lit` of
+        another one than `sbr`.
     """
 
     solver: str
@@ -118,6 +122,7 @@ class Share(Described):
     through_mirrors: bool = False
     reason: str = ""
     reflections: tuple[Reflection, ...] = ()
+    lit: tuple[str | int, ...] = ()
 
     def __post_init__(self) -> None:
         if self.solver not in OBJECT_SOLVERS:
@@ -127,9 +132,13 @@ class Share(Described):
                 OBJECT_SOLVERS,
                 "mirror chains ('sionna') belong to `mirrors` of the plan",
             )
-        if isinstance(self.instances, str):
-            raise ParameterRangeError("instances", repr(self.instances), "a sequence of names", "write ('name',)")
-        object.__setattr__(self, "instances", tuple(self.instances))
+        for name in ("instances", "lit"):
+            value = getattr(self, name)
+            if isinstance(value, str):
+                raise ParameterRangeError(name, repr(value), "a sequence of names", "write ('name',)")
+            object.__setattr__(self, name, tuple(value))
+        if self.lit and self.solver != "sbr":
+            raise ParameterRangeError("lit", f"given for '{self.solver}'", "'sbr', whose bodies bounce", "leave it out")
         object.__setattr__(self, "settings", _settings(OBJECT_SOLVERS[self.solver], self.settings, "Share.settings"))
         over = tuple(
             item if isinstance(item, Reflection) else of_mapping(Reflection, item) for item in self.reflections
@@ -154,6 +163,7 @@ class Share(Described):
             "through_mirrors": self.through_mirrors,
             "reflections": [item.to_dict() for item in self.reflections],
             "reason": self.reason,
+            "lit": list(self.lit),
         }
 
 

@@ -24,12 +24,12 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
 from .budget import affordable_tubes, sbr_settings
-from .choose import ENOUGH, Chosen, View, choose, counts, level_of
-from .expected_error import expected_errors, kept_error
+from .choose import Chosen, View, choose, level_of
 from .hybrid import solve_hybrid
 from .mirror_chains import possible_chains
 from .mirrors import Mirror, mirrored
 from .spend import Choice
+from .verify import Verified, met, verified
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World, WorldState
@@ -61,7 +61,9 @@ def solve_auto(
         ``diagnostics["expected_error_db"]`` what they keep; ``diagnostics["num_by_class"]`` how many of the
         ``"num_counted"`` have the RCS of their class, since the budget does not pay for them;
         ``diagnostics["level_db"]`` the tolerance of the level that was taken, a coarser one where the budget does not
-        pay for that asked for; ``diagnostics["left_out"]`` what is not computed and how much power it can hold.
+        pay for that asked for; ``diagnostics["num_looked_at"]`` and ``["num_refined"]`` how many objects had a second
+        look, and how many are computed at a finer level for it (their paths come last);
+        ``diagnostics["left_out"]`` what is not computed and how much power it can hold.
 
     Raises
     ------
@@ -80,27 +82,24 @@ def solve_auto(
     """
     refuse_receiver("auto", receiver)
     start = time.perf_counter()
-    chosen, plan = _planned(state, radar, mount, settings)
+    view, chosen, plan = _planned(state, radar, mount, settings)
     choices = chosen.choices
     planned = time.perf_counter() - start
-    paths = solve_hybrid(state, radar, mount, settings.with_(plan=plan))
-    errors = _errors(paths, radar, chosen, settings)
-    met = _met(choices, errors, settings)
-    _warn_of_tolerance(met, chosen, settings)
+    again = verified(view, chosen, plan, solve_hybrid(state, radar, mount, settings.with_(plan=plan)))
+    paths = again.paths
+    kept = met(choices, again.errors, view)
+    _warn_of_tolerance(kept, chosen, settings)
     diagnostics = dict(paths.diagnostics)
     diagnostics |= {
         "method": "auto",
         "tolerance_db": settings.accuracy.channel_tolerance_db,
         "level_db": chosen.level.tolerance_db,
-        **met,
+        **kept,
+        **again.diagnostics,
         "predicted": dict(plan.predicted),
-        "choices": [
-            _row(choice, state.world, errors.get(choice.item.number))
-            for choice in choices
-            if choice.method != "out of view"
-        ],
+        "choices": [_row(choice, state.world, again) for choice in choices if choice.method != "out of view"],
         "num_out_of_view": sum(choice.method == "out of view" for choice in choices),
-        "seconds": {"plan": planned, **diagnostics["seconds"]},
+        "seconds": {"plan": planned, **diagnostics["seconds"], "second look": again.seconds},
     }
     return replace(paths, diagnostics=diagnostics)
 
@@ -119,47 +118,18 @@ def plan_channel(
     **fields
         Fields of the settings, as in :func:`scarl_sionna.solve_paths`.
     """
-    return _planned(state, radar, Mount.of(mount), (settings or RadarSettings()).changed("auto", **fields))[1]
+    return _planned(state, radar, Mount.of(mount), (settings or RadarSettings()).changed("auto", **fields))[2]
 
 
-def _errors(paths: RadarPaths, radar: RadarSpec, chosen: Chosen, settings: RadarSettings) -> dict[int, float]:
-    """Return the expected error of the objects that are computed by physical optics [dB]."""
-    numbers = [choice.item.number for choice in chosen.choices if choice.method == "sbr"]
-    return expected_errors(paths, radar, numbers, settings.auto.errors, chosen.level)
-
-
-def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSettings) -> dict[str, Any]:
-    """Return whether the objects that can be seen are within the tolerance, and the error that 90 % of them keep."""
-    accuracy, rules = settings.accuracy, settings.auto
-    found: list[float] = []
-    bounds: list[float] = []
-    by_class = 0
-    for choice in choices:
-        item = choice.item
-        if not counts(choice, rules):
-            continue
-        if choice.over_budget:
-            bounds.append(rules.errors.by_class_db)
-            by_class += 1
-        elif choice.method == "sbr" and item.number in errors:
-            left = 0.0 if choice.without is None else float(choice.without.change_db)
-            (bounds if left > errors[item.number] else found).append(max(errors[item.number], left))
-    expected = kept_error(found, bounds, ENOUGH, rules.errors)
-    return {
-        "expected_error_db": round(expected, 2),
-        "num_counted": len(found) + len(bounds),
-        "num_by_class": by_class,
-        "met": expected <= accuracy.channel_tolerance_db,
-    }
-
-
-def _planned(state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings) -> tuple[Chosen, ChannelPlan]:
-    """Return what becomes of each instance, and the plan of it."""
+def _planned(
+    state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings
+) -> tuple[View, Chosen, ChannelPlan]:
+    """Return what is planned for, what becomes of each instance, and the plan of it."""
     level_of(settings.accuracy.channel_tolerance_db, settings.auto)  # refuses a tolerance that is too fine
     view = View(state, radar, mount, settings, loaded_models(settings.scatterers.models))
     chosen = choose(view)
     _warn_of_reflections(chosen.choices, view)
-    return chosen, _plan(view, chosen)
+    return view, chosen, _plan(view, chosen)
 
 
 def _warn_of_reflections(choices: list[Choice], view: View) -> None:
@@ -186,24 +156,24 @@ def _warn_of_reflections(choices: list[Choice], view: View) -> None:
     )
 
 
-def _warn_of_tolerance(met: Mapping[str, Any], chosen: Chosen, settings: RadarSettings) -> None:
+def _warn_of_tolerance(kept: Mapping[str, Any], chosen: Chosen, settings: RadarSettings) -> None:
     """Warn of a tolerance that is not expected to be kept, with what the budget does not pay for."""
-    if met["met"]:
+    if kept["met"]:
         return
     tolerance, level = settings.accuracy.channel_tolerance_db, chosen.level.tolerance_db
     tubes, budget = affordable_tubes(settings.accuracy, settings.auto)
     short = []
-    if met["num_by_class"]:
+    if kept["num_by_class"]:
         short.append(
-            f"{met['num_by_class']} of them have the RCS of their class, {settings.auto.errors.by_class_db:g} dB"
+            f"{kept['num_by_class']} of them have the RCS of their class, {settings.auto.errors.by_class_db:g} dB"
         )
-    if level > tolerance and met["num_by_class"] < met["num_counted"]:
+    if level > tolerance and kept["num_by_class"] < kept["num_counted"]:
         short.append(f"the others are computed at the level of {level:g} dB")
     reason = f"a budget of {tubes} tubes pays for no more: {', '.join(short)}; " if short else ""
     remedy = f"raise Accuracy.{budget}" if short else "ask for a finer one"
     warnings.warn(
-        f"the echo of 90 % of the {met['num_counted']} objects that can be detected is expected to be within "
-        f"{met['expected_error_db']:.1f} dB, the tolerance is {tolerance:g} dB; {reason}{remedy}, or see "
+        f"the echo of 90 % of the {kept['num_counted']} objects that can be detected is expected to be within "
+        f"{kept['expected_error_db']:.1f} dB, the tolerance is {tolerance:g} dB; {reason}{remedy}, or see "
         "diagnostics['choices'] for each",
         ScarlWarning,
         stacklevel=3,
@@ -272,8 +242,9 @@ def _echoing(view: View) -> list[Mirror]:
     return [found[number] for number in sorted(found)]
 
 
-def _row(choice: Choice, world: World, error_db: float | None) -> dict[str, Any]:
+def _row(choice: Choice, world: World, again: Verified) -> dict[str, Any]:
     item, without = choice.item, choice.without
+    error_db, difference = again.errors.get(item.number), again.differences.get(item.number)
     names = {world.instances[int(world.parts.instance[mirror.part])].name for mirror in choice.mirrors}
     at = None if without is None else world.instances[int(world.parts.instance[without.mirror.part])].name
     return {
@@ -289,4 +260,6 @@ def _row(choice: Choice, world: World, error_db: float | None) -> dict[str, Any]
         "without_reflection_db": None if without is None else round(min(float(without.change_db), 99.0), 1),
         "without_reflection_at": at,
         "expected_error_db": None if error_db is None else round(error_db, 2),
+        "second_look_db": None if difference is None else round(difference, 2),
+        "refined": item.number in again.refined,
     }

@@ -172,7 +172,7 @@ def _level_to_take(view: View, own: list[Choice], mirrors: list[Mirror], levels:
     budget, _ = affordable_tubes(view.settings.accuracy, rules)
 
     def error(level: SbrLevel) -> tuple[float, int, float]:
-        cost = {choice.item.number: _num_tubes(view, choice, level) for choice in own}
+        cost = {choice.item.number: num_tubes_of(view, choice, level) for choice in own}
         spend(own, cost, {mirror.number for mirror in mirrors}, budget)
         counted = [choice for choice in own if counts(choice, rules)]
         if not counted:
@@ -214,7 +214,7 @@ def _planned_error(choice: Choice, computed_db: float, rules: AutoSettings) -> f
     return max(computed_db, 0.0 if choice.without is None else min(choice.without.change_db, by_class))
 
 
-def _num_tubes(view: View, choice: Choice, level: SbrLevel) -> int:
+def num_tubes_of(view: View, choice: Choice, level: SbrLevel) -> int:
     """Return what a coherent object costs by one pair of ways at a level; nothing if no way leads to it."""
     item = choice.item
     if choice.method != "sbr" or (item.in_view and choice.sight.share == 0.0 and not choice.changes):

@@ -115,6 +115,14 @@ def kept_error(errors: Sequence[float], bounds: Sequence[float], share: float, f
     return high
 
 
+def levels_db(paths: RadarPaths, radar: RadarSpec, numbers: Sequence[int]) -> dict[int, float]:
+    """Return the power of objects, mean over the band [dB of the transmitted]: to be compared with each other."""
+    owner = owners(paths, numbers)
+    rows, order = np.flatnonzero(owner >= 0), sorted(numbers)
+    power = mean_power(paths, radar, rows, np.searchsorted(order, owner[rows]), len(order), NUM_FREQUENCIES)
+    return {number: 10.0 * float(np.log10(max(power[k], 1e-40))) for k, number in enumerate(order)}
+
+
 def owners(paths: RadarPaths, numbers: Sequence[int]) -> npt.NDArray[np.int64]:
     """Return the first of some objects that each path meets, -1 if it meets none, shape (num_paths,)."""
     owner = np.full(paths.num_paths, -1, dtype=np.int64)

@@ -105,7 +105,7 @@ def solve_hybrid(
     rank = {name: number for number, name in enumerate(OBJECT_SOLVERS)}
     order = sorted(range(len(plan.shares)), key=lambda index: (rank[plan.shares[index].solver], index))
     for index in order:
-        work.objects(plan.shares[index], resolved.owned[index])
+        work.objects(plan.shares[index], resolved.owned[index], resolved.lit[index])
     if resolved.mirrors and plan.echoes:
         work.echoes()
     if any(resolved.reflections):
@@ -114,7 +114,8 @@ def solve_hybrid(
         work.clock["mirrors"] = time.perf_counter() - start
         for index in order:
             for objects, over in resolved.reflections[index]:
-                work.ghosts(plan.shares[index], resolved.owned[index], objects, _of_instances(state, mirrors, over))
+                if lit := [number for number in objects if number in resolved.lit[index]]:
+                    work.ghosts(plan.shares[index], resolved.owned[index], lit, _of_instances(state, mirrors, over))
     found = work.result()
     return found if estimate is None else replace(found, diagnostics={**found.diagnostics, "estimate": estimate})
 
@@ -195,14 +196,14 @@ class _Work:
         key = f"{new.solver}: {new.mechanism}"
         self.clock[key] = self.clock.get(key, 0.0) + new.seconds
 
-    def objects(self, share: Share, owned: Sequence[int]) -> None:
-        """Compute what objects scatter straight back to the radar."""
+    def objects(self, share: Share, owned: Sequence[int], lit: Sequence[int]) -> None:
+        """Compute what objects of a share, of which some are lit, scatter straight back to the radar."""
         start = time.perf_counter()
         if not owned:
             return
         settings = self._settings(share, owned)
         if share.solver == "sbr":
-            found = solve_bodies(self._bodies(settings, owned).bodies, self.mount)
+            found = solve_bodies(self._bodies(settings, owned).bodies, self.mount, lit=lit)
         else:
             found = SOLVERS_OF_OBJECTS[share.solver](self.state, self.radar, self.mount, settings)
         detail = {
@@ -212,7 +213,7 @@ class _Work:
             _Contribution(
                 solver=share.solver,
                 mechanism="objects",
-                instances=owned,
+                instances=lit,
                 blocks=[found],
                 seconds=time.perf_counter() - start,
                 report={"reason": share.reason, "detail": detail},

@@ -29,13 +29,15 @@ class OwnershipError(ScarlError, ValueError):
 class ResolvedPlan:
     """A plan with instance ids: those of each share, the mirrors, and for each share which objects are seen over which.
 
-    `reflections` has for each share pairs of the ids of objects and of mirrors.
+    `reflections` has for each share pairs of the ids of objects and of mirrors, `lit` what of each share waves meet
+    first.
     """
 
     plan: ChannelPlan
     owned: tuple[tuple[int, ...], ...]
     mirrors: tuple[int, ...]
     reflections: tuple[tuple[tuple[tuple[int, ...], tuple[int, ...]], ...], ...] = ()
+    lit: tuple[tuple[int, ...], ...] = ()
 
 
 def resolve(plan: ChannelPlan, world: World) -> ResolvedPlan:
@@ -45,6 +47,8 @@ def resolve(plan: ChannelPlan, world: World) -> ResolvedPlan:
     ------
     UnknownNameError
         If a name is neither an instance nor a class of the scene.
+    ParameterRangeError
+        If a reflection, or what is lit of a share, names what the share does not own.
     OwnershipError
         If an instance is in two shares, or is a mirror and owned by a coherent solver.
     """
@@ -74,8 +78,23 @@ def resolve(plan: ChannelPlan, world: World) -> ResolvedPlan:
                 "take it out of one of them; a mirror's rough part may be given to 'raycast'",
             )
     owned = [tuple(number for number in sorted(owner) if owner[number] == index) for index in range(len(plan.shares))]
+    lit = tuple(_lit(plan, world, index, owned[index]) for index in range(len(owned)))
     reflections = tuple(_reflections(plan, world, index, owned[index], mirrors) for index in range(len(owned)))
-    return ResolvedPlan(plan, tuple(owned), tuple(mirrors), reflections)
+    return ResolvedPlan(plan, tuple(owned), tuple(mirrors), reflections, lit)
+
+
+def _lit(plan: ChannelPlan, world: World, index: int, owned: tuple[int, ...]) -> tuple[int, ...]:
+    """Return what of a share waves meet first: all of it unless it says so."""
+    chosen = tuple(ids_of(world, plan.shares[index].lit)) or owned
+    for number in chosen:
+        if number not in owned:
+            _refuse_foreign("lit", world, number, index)
+    return chosen
+
+
+def _refuse_foreign(field: str, world: World, number: int, index: int) -> None:
+    name = world.instances[number].name
+    raise ParameterRangeError(field, f"'{name}'", f"instances of the share (share {index})", "put it into `instances`")
 
 
 def _reflections(
@@ -93,9 +112,7 @@ def _reflections(
         for number in objects:
             name = world.instances[number].name
             if number not in owned:
-                raise ParameterRangeError(
-                    "reflections", f"'{name}'", f"instances of the share (share {index})", "put it into `instances`"
-                )
+                _refuse_foreign("reflections", world, number, index)
             if number in seen:
                 raise OwnershipError(
                     name,

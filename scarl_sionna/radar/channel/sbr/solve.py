@@ -121,7 +121,11 @@ def stations_of(radar: RadarSpec, mount: Mount, receiver: Mount | None = None) -
 
 
 def solve_bodies(
-    bodies: Bodies, mount: Mount, receiver: Mount | None = None, left_out: Sequence[str] = ()
+    bodies: Bodies,
+    mount: Mount,
+    receiver: Mount | None = None,
+    left_out: Sequence[str] = (),
+    lit: Sequence[int] | None = None,
 ) -> RadarPaths:
     """Return the paths of :func:`solve_sbr` for bodies made ready, without checks of where the radars stand.
 
@@ -132,6 +136,8 @@ def solve_bodies(
     receiver : Mount, optional
     left_out : sequence of str
         Names for ``diagnostics["left_out"]``.
+    lit : sequence of int, optional
+        Instances on which tubes start; all that scatter if left out.
 
     Raises
     ------
@@ -140,7 +146,7 @@ def solve_bodies(
     ParameterRangeError
         If the scene needs more patches than `max_patches`.
     """
-    found = solve_between(bodies, stations_of(bodies.radar, mount, receiver))
+    found = solve_between(bodies, stations_of(bodies.radar, mount, receiver), lit)
     _warn_of_bodies(bodies, mount.pose.position, found)
     return replace(
         found,

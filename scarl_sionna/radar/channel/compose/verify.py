@@ -1,0 +1,252 @@
+"""Whether a solve of ``method="auto"`` keeps its tolerance, by a second look at its objects; some are computed finer.
+
+The formula of `expected_error` sees what cancels and what is cut; it does not see a tube that no ray probed. So objects
+that count are computed a second time at the next coarser level, and what their echo differs by tells how far it still
+moves. docs/accuracy.md, second look.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.settings.auto import SbrLevel
+from scarl_sionna.core.settings.plan import ChannelPlan
+from scarl_sionna.radar.paths import RadarPaths
+
+from .budget import sbr_settings
+from .choose import ENOUGH, Chosen, View, counts, level_of, num_tubes_of
+from .expected_error import MOST_DB, expected_errors, kept_error, levels_db, owners
+from .hybrid import solve_hybrid
+from .spend import Choice, num_pairs
+
+
+@dataclass
+class Verified:
+    """Paths, and how right they are.
+
+    Attributes
+    ----------
+    paths : RadarPaths
+    errors : dict
+        Expected error of the objects computed by `sbr` [dB], by instance.
+    differences : dict
+        What the echo of the objects that were looked at again differed by [dB].
+    refined : list of int
+        Instances whose paths are those of a finer level.
+    tubes : int
+        That the second look and what it refined cost, by the same estimate as the budget.
+    seconds : float
+    """
+
+    paths: RadarPaths
+    errors: dict[int, float]
+    differences: dict[int, float] = field(default_factory=dict)
+    refined: list[int] = field(default_factory=list)
+    tubes: int = 0
+    seconds: float = 0.0
+
+    @property
+    def diagnostics(self) -> dict[str, Any]:
+        """What a user may want to know of it."""
+        names = {"num_looked_at": len(self.differences), "num_refined": len(self.refined)}
+        return {**names, "second_look_tubes": self.tubes}
+
+
+def verified(view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -> Verified:
+    """Return paths that were looked at again, with objects computed more finely where the tolerance asks for it.
+
+    Parameters
+    ----------
+    view : View
+    chosen : Chosen
+    plan : ChannelPlan
+        That made the paths.
+    paths : RadarPaths
+
+    Notes
+    -----
+    Looked at are objects that count, those first that cost least, for at most `look_share` of the tubes of the solve;
+    what that does not pay for with its reflections is compared without them.
+    At the coarsest level the look is finer and its paths are taken. Then, as long as the tolerance is not expected to
+    be met, the objects with the largest expected error are computed at the next finer level, for at most
+    `refine_share` of the tubes; their difference from the level before is their second look. Where the budget did
+    not pay for the level asked for, nothing is refined, and looked at only what would be called met.
+    """
+    start = time.perf_counter()
+    work = _Work(view, chosen, plan, paths)
+    rules = view.rules
+    asked = level_of(view.settings.accuracy.channel_tolerance_db, rules)
+    is_asked = chosen.level == asked
+    if work.counted and (is_asked or met(chosen.choices, work.result.errors, view)["met"]):
+        place = rules.levels.index(chosen.level)
+        spent = sum(choice.cost for choice in work.own)
+        if place:
+            work.look(rules.levels[place - 1], rules.look_share * spent)
+            if is_asked and place + 1 < len(rules.levels):
+                work.refine(rules.levels[place + 1], rules.refine_share * spent)
+        elif place + 1 < len(rules.levels):
+            work.look(rules.levels[place + 1], rules.look_share * spent)
+    work.result.seconds = time.perf_counter() - start
+    return work.result
+
+
+def met(choices: Sequence[Choice], errors: Mapping[int, float], view: View) -> dict[str, Any]:
+    """Return whether the objects that can be seen are within the tolerance, and the error that 90 % of them keep."""
+    rules = view.rules
+    found: list[float] = []
+    bounds: list[float] = []
+    by_class = 0
+    for choice in choices:
+        item = choice.item
+        if not counts(choice, rules):
+            continue
+        if choice.over_budget:
+            bounds.append(rules.errors.by_class_db)
+            by_class += 1
+        elif choice.method == "sbr" and item.number in errors:
+            left = 0.0 if choice.without is None else float(choice.without.change_db)
+            (bounds if left > errors[item.number] else found).append(max(errors[item.number], left))
+    expected = kept_error(found, bounds, ENOUGH, rules.errors)
+    return {
+        "expected_error_db": round(expected, 2),
+        "num_counted": len(found) + len(bounds),
+        "num_by_class": by_class,
+        "met": expected <= view.settings.accuracy.channel_tolerance_db,
+    }
+
+
+class _Work:
+    """One solve that is looked at again."""
+
+    def __init__(self, view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -> None:
+        self.view, self.chosen, self.plan, self.before = view, chosen, plan, paths
+        self.own = [choice for choice in chosen.choices if choice.method == "sbr"]
+        self.numbers = sorted(choice.item.number for choice in self.own)
+        self.result = Verified(paths, self._errors(paths, chosen.level))
+        self.counted = {
+            choice.item.number: choice
+            for choice in self.own
+            if counts(choice, view.rules) and choice.item.number in self.result.errors
+        }
+
+    def _errors(self, paths: RadarPaths, level: SbrLevel) -> dict[int, float]:
+        return expected_errors(paths, self.view.radar, self.numbers, self.view.rules.errors, level)
+
+    @cached_property
+    def levels(self) -> dict[int, float]:
+        """Power of each object by the first solve [dB]."""
+        return levels_db(self.before, self.view.radar, self.numbers)
+
+    def look(self, level: SbrLevel, budget: float) -> None:
+        """Compute the cheapest objects that count at another level; take their paths if it is a finer one.
+
+        What the budget does not pay for with its reflections is compared without them.
+        """
+        cost, finer = self._cost(level), level.tolerance_db < self.chosen.level.tolerance_db
+        whole: list[int] = []
+        straight: list[int] = []
+        for number in sorted(cost, key=lambda one: (cost[one], one)):
+            alone = num_tubes_of(self.view, self.counted[number], level)
+            for price, group in ((cost[number], whole), (alone, straight)):
+                if price <= budget and not (finer and group is straight):
+                    budget -= price
+                    self.result.tubes += price
+                    group.append(number)
+                    break
+        if not (whole or straight):
+            return
+        found = self._traced([*whole, *straight], level, whole)
+        if finer:
+            self._take(found, whole, level)
+            return
+        self._compare(whole, levels_db(found, self.view.radar, self.numbers), self.levels, self.result.errors)
+        if straight:
+            now, then = (
+                levels_db(self._without_mirrors(paths), self.view.radar, self.numbers) for paths in (found, self.before)
+            )
+            self._compare(straight, now, then, self.result.errors)
+
+    def refine(self, level: SbrLevel, budget: float) -> None:
+        """Compute objects with the largest expected errors at a finer level, as many as the tolerance asks for."""
+        cost, errors = self._cost(level), dict(self.result.errors)
+        gain = level.tolerance_db / self.chosen.level.tolerance_db
+        chosen: list[int] = []
+        for number in sorted(self.counted, key=lambda one: (-errors[one], one)):
+            if met(self.chosen.choices, errors, self.view)["met"]:
+                break
+            if cost[number] <= budget:
+                budget -= cost[number]
+                errors[number] *= gain  # what is hoped for: the solve says what it is
+                chosen.append(number)
+        if not chosen:
+            return
+        self._take(self._traced(chosen, level, chosen), chosen, level)
+        self.result.tubes += sum(cost[number] for number in chosen)
+
+    def _cost(self, level: SbrLevel) -> dict[int, int]:
+        """Return the tubes of the objects that count at a level, over all of their ways."""
+        return {
+            number: num_tubes_of(self.view, choice, level) * num_pairs(len(choice.mirrors))
+            for number, choice in self.counted.items()
+        }
+
+    def _without_mirrors(self, paths: RadarPaths) -> RadarPaths:
+        return paths.select(np.isin(paths.instance, [*self.numbers, -1]).all(axis=1))
+
+    def _traced(self, lit: Collection[int], level: SbrLevel, whole: Collection[int]) -> RadarPaths:
+        """Return the paths of some objects at a level, of some with their reflections; the others only bounce."""
+        shares = []
+        for share in (share for share in self.plan.shares if share.solver == "sbr"):
+            over = [
+                replace(item, instances=tuple(number for number in item.instances if number in whole))
+                for item in share.reflections
+            ]
+            shares.append(
+                replace(
+                    share,
+                    settings=sbr_settings(level),
+                    lit=tuple(sorted(lit)),
+                    through_mirrors=False,
+                    reflections=tuple(item for item in over if item.instances),
+                    reason="second look",
+                )
+            )
+        plan = replace(self.plan, shares=tuple(shares), echoes=False, left_out=())
+        with warnings.catch_warnings():  # said by the solve itself
+            warnings.simplefilter("ignore", ScarlWarning)
+            return solve_hybrid(self.view.state, self.view.radar, self.view.mount, self.view.settings.with_(plan=plan))
+
+    def _take(self, found: RadarPaths, numbers: Sequence[int], level: SbrLevel) -> None:
+        """Take the paths of some objects from a finer solve, with what it says of them."""
+        before, result = self.result.paths, self.result
+        kept = before.select(~np.isin(owners(before, self.numbers), numbers))
+        diagnostics = dict(before.diagnostics)
+        diagnostics["solvers"] = [*diagnostics["solvers"], *found.diagnostics["solvers"]]
+        result.paths = RadarPaths.concatenate([kept, found], diagnostics)
+        errors = self._errors(found, level)
+        levels = levels_db(found, self.view.radar, self.numbers)
+        self._compare([number for number in numbers if number in errors], levels, self.levels, errors)
+        result.refined = sorted({*result.refined, *numbers})
+
+    def _compare(
+        self,
+        numbers: Sequence[int],
+        levels: Mapping[int, float],
+        before: Mapping[int, float],
+        errors: Mapping[int, float],
+    ) -> None:
+        """Bring what the echo of objects differs by into their expected error."""
+        fit, result = self.view.rules.errors, self.result
+        for number in numbers:
+            difference = min(abs(levels[number] - before[number]), MOST_DB)
+            error = float(np.hypot(fit.looked_at * errors[number], fit.difference * difference))
+            result.differences[number] = difference
+            result.errors[number] = error
