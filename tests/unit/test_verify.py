@@ -141,6 +141,12 @@ def test_what_the_budget_does_not_pay_for_is_looked_at_only_where_it_would_be_ca
     )
     assert coarser["level_db"] == 3.0 and coarser["num_looked_at"] > 0 and coarser["num_refined"] == 0
     assert poor["num_looked_at"] == 0 and not poor["met"]
+    seconds = tubes * AutoSettings().tubes.seconds
+    looks = [
+        solved(state, channel_tolerance_db=1.0, cpu_budget=(1.0 + more) * seconds).diagnostics["num_looked_at"]
+        for more in (1e-6, 1.0)
+    ]
+    assert looks[0] == 0 and looks[1] > 0  # of seconds nothing is left, or enough
 
 
 def test_what_is_too_dear_with_its_reflection_is_compared_without_it(tmp_path) -> None:

@@ -78,7 +78,8 @@ def verified(view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -
     At the coarsest level the look is finer and its paths are taken. Then, as long as the tolerance is not expected to
     be met, the objects with the largest expected error are computed at the next finer level, for at most
     `refine_share` of the tubes; their difference from the level before is their second look. Where the budget did
-    not pay for the level asked for, nothing is refined, and looked at only what would be called met.
+    not pay for the level asked for, nothing is refined, and looked at only what would be called met. A `cpu_budget`
+    pays for all of it; a `tube_budget` is that of the plan.
     """
     start = time.perf_counter()
     work = _Work(view, chosen, plan, paths)
@@ -88,12 +89,14 @@ def verified(view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -
     if work.counted and (is_asked or met(chosen.choices, work.result.errors, view)["met"]):
         place = rules.levels.index(chosen.level)
         spent = sum(choice.cost for choice in work.own)
+        seconds = view.settings.accuracy.cpu_budget
+        spare = np.inf if seconds is None else seconds / max(rules.tubes.seconds, 1e-12) - spent
         if place:
-            work.look(rules.levels[place - 1], rules.look_share * spent)
+            work.look(rules.levels[place - 1], min(rules.look_share * spent, spare))
             if is_asked and place + 1 < len(rules.levels):
-                work.refine(rules.levels[place + 1], rules.refine_share * spent)
+                work.refine(rules.levels[place + 1], min(rules.refine_share * spent, spare - work.result.tubes))
         elif place + 1 < len(rules.levels):
-            work.look(rules.levels[place + 1], rules.look_share * spent)
+            work.look(rules.levels[place + 1], min(rules.look_share * spent, spare))
     work.result.seconds = time.perf_counter() - start
     return work.result
 
