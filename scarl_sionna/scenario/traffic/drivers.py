@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from bisect import insort
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from scarl_sionna.scene.lanes import Signals
 
@@ -42,6 +43,13 @@ _HORIZON = 120.0
 """How far ahead a driver looks for others [m]."""
 _CONSIDER = 5
 """Steps from one look at the lanes beside to the next."""
+PASSES = 4
+"""How often a crowd moves at most, so that queues at junctions do not grow without end: the density asked for holds on
+all lanes and their continuations at first, and where signals or right of way let fewer through, fewer come."""
+DRIFT, CHANCE = 0.25, 2.0
+"""Surplus over what is asked for that is allowed: this share, and so many standard deviations of a Poisson number."""
+_LATE = 3
+"""The last third of the time counts."""
 Onward = Callable[[list[int], float], bool]
 """Makes a route, of which the first track is given, as long as asked for [m]; returns whether it ends before."""
 _Near = tuple[tuple[float, float, int], tuple[float, float, int]]
@@ -361,3 +369,52 @@ class Crowd:
                 length = 0.0 if merging else driver.body.length
                 if base + first <= 0.0 <= base + last + length:
                     self._take(number, driver, zone, index, driver.way + base + last + length)
+
+
+def fresh(driver: Driver) -> Driver:
+    """Return a driver as before it moved."""
+    return replace(driver, held={}, history=[], halting=[], changes=[])
+
+
+def is_outside(driver: Driver, tracks: Sequence[Track]) -> bool:
+    """Return whether a vehicle that has not moved yet is to come from beyond the scene."""
+    return driver.body.motion == "vehicle" and tracks[driver.route[driver.place]].lane is None
+
+
+def inside(driver: Driver, tracks: Sequence[Track]) -> npt.NDArray[np.bool_]:
+    """Return whether a driver's front is in the scene at each instant of its history."""
+    there = np.array([tracks[index].lane is not None for index in driver.route])
+    ways = np.array(driver.history)[:, 0]
+    return np.asarray(there[np.clip(np.searchsorted(driver.enters, ways, side="right") - 1, 0, len(there) - 1)])
+
+
+def too_many(drivers: Sequence[Driver], coming: Sequence[bool], tracks: Sequence[Track], wanted: float) -> float:
+    """Return the share of those to come that are too many, 0 where the number inside is right.
+
+    Parameters
+    ----------
+    drivers : sequence of Driver
+        After they have moved.
+    coming : sequence of bool
+        Who came from beyond the scene.
+    tracks : sequence of Track
+    wanted : float
+        Number of vehicles inside that is asked for.
+    """
+    rows = [inside(driver, tracks) for driver in drivers if driver.body.motion == "vehicle"]
+    late = float(np.mean([row[-len(row) // _LATE :].mean() for row in rows])) * len(rows) if rows else 0.0
+    surplus = late - wanted
+    if surplus <= max(DRIFT * wanted, CHANCE * math.sqrt(wanted)):
+        return 0.0
+    came = sum(bool(is_new and inside(driver, tracks).any()) for driver, is_new in zip(drivers, coming, strict=True))
+    return min(surplus / max(came, 1), 0.9)
+
+
+def thinned(coming: Sequence[bool], share: float) -> list[bool]:
+    """Return whom to keep where a share of those to come is left out, evenly in their order."""
+    kept, count = [], 0.0
+    for is_new in coming:
+        before = math.floor(count)
+        count += (1.0 - share) * is_new
+        kept.append(not is_new or math.floor(count) > before)
+    return kept

@@ -25,7 +25,7 @@ from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
 from .bends import RoutePaths, along_line, line_of
 from .driver import Driver
-from .drivers import Crowd, Obstacle
+from .drivers import PASSES, Crowd, Obstacle, fresh, is_outside, thinned, too_many
 from .planned import PlannedActor, draw_variant
 from .separation import without_collisions
 from .tracks import Track, TrackGraph, track_graph
@@ -132,8 +132,19 @@ def simulate_traffic(
             warnings.warn(
                 f"{missing} of {count} actors found no free place on lanes of kind '{kind}'", ScarlWarning, stacklevel=2
             )
-    drivers = [driver for driver, _ in planner.made]
-    Crowd(graph, drivers, network.signals, obstacles, planner.go_on, planner.paths).run(start, num_steps, STEP)
+    within = sum(graph.tracks[index].length for index in graph.of_kind(["drive"], inside=True)) / 1000.0
+    for number in range(1, PASSES + 1):
+        before = [fresh(driver) for driver, _ in planner.made]
+        drivers = [driver for driver, _ in planner.made]
+        Crowd(graph, drivers, network.signals, obstacles, planner.go_on, planner.paths).run(start, num_steps, STEP)
+        coming = [is_outside(driver, graph.tracks) for driver in before]
+        share = too_many(drivers, coming, graph.tracks, traffic.density * within)
+        if share == 0.0 or number == PASSES:
+            break
+        kept = thinned(coming, share)
+        planner.made = [
+            (driver, model) for driver, (_, model), stays in zip(before, planner.made, kept, strict=True) if stays
+        ]
 
     drive = _Drive(graph.tracks, planner.paths, instants, (start_time, start_time + duration), models)
     draw = generator(seed, "traffic_looks")
