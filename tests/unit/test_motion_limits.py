@@ -1,10 +1,11 @@
-"""Accelerations, jerks and bends of the ready scenarios and of traffic, at 100 Hz."""
+"""Accelerations, jerks, bends and overlaps of the ready scenarios, and of traffic, at 100 Hz."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from scarl_sionna.scenario.checks.collisions import find_collisions
 from scarl_sionna.scenario.compose import compose
 from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scenario.motion.paths import SmoothPath, sample_motion
@@ -48,6 +49,15 @@ def test_motions_of_ready_scenarios_stay_within_their_limits(name) -> None:
         assert along < HARDEST, (member.actor.name, along)
         assert across < LATERAL, (member.actor.name, across)
         assert jerk < JERK, (member.actor.name, jerk)
+
+
+@pytest.mark.some(6)
+@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.filterwarnings("ignore::scarl_sionna.core.errors.ScarlWarning")
+def test_bodies_of_ready_scenarios_never_touch(name) -> None:
+    spec = ScenarioSpec.preset(name)
+    bodies = [(member.actor.name, member.actor.trajectory, member.body) for member in compose(spec).members]
+    assert find_collisions(bodies, np.arange(spec.times[0], spec.times[-1], STEP)) == []
 
 
 @pytest.mark.some(2)
