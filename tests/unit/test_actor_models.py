@@ -18,6 +18,7 @@ from scenes_xml import actor_path
 from scenes_xml.actors.build import MODELS, build
 from scenes_xml.actors.cars import SHAPES
 from scenes_xml.generators.vehicles import car
+from scenes_xml.generators.vehicles.number_plates import DIGITS, HEIGHT, LETTERS, SEGMENTS, WIDTH, NumberPlates
 
 NAMES = actor_names()
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
@@ -218,3 +219,27 @@ def test_the_page_has_the_vehicles_as_they_are():
     script = runpy.run_path(str(repo / "scripts" / "actors_table.py"))
     page = (repo / "docs" / "actors.md").read_text(encoding="utf-8")
     assert script["updated"](page, ("vehicles",)) == page, "run: python scripts/actors_table.py"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_plates_read_the_right_way_round(sign):
+    """From the middle of each stroke, seen from before (+1) and from behind: two letters and four digits."""
+    text = NumberPlates(2.0, 0.5, 0.6, 0.04, 3).parts()["plate_text"][0]
+    corners = text.vertices[text.faces]
+    corners = corners[corners[:, :, 0].mean(axis=1) * sign > 0.0][:, :, 1:] - [0.0, 0.5 if sign > 0.0 else 0.6]
+    lower, upper = corners.min(axis=1), corners.max(axis=1)
+
+    def read(turn):
+        """The characters, with `turn` -1 those in a mirror; None where it is none."""
+        found = []
+        for k in (0, 1, 3, 4, 5, 6):
+            strokes = ""
+            for name, (across, up, _, _) in SEGMENTS.items():
+                place = [sign * turn * ((-0.36 + 0.12 * k) + across) * WIDTH, up * HEIGHT]
+                strokes += name * bool(np.all((lower <= place) & (upper >= place), axis=1).any())
+            kind = LETTERS if len(found) < 2 else DIGITS
+            found.append(next((letter for letter, own in kind.items() if own == strokes), None))
+        return found
+
+    assert "".join(read(1.0)) == "PA1218"
+    assert None in read(-1.0)

@@ -16,6 +16,22 @@ from ..geometry.mesh import Array, Mesh, box, grid, merge
 
 WIDTH, HEIGHT = 0.52, 0.11
 """Of a plate [m]."""
+SEGMENTS = {
+    "a": (0.0, 0.29, 0.075, 0.1), "b": (0.0275, 0.17, 0.02, 0.34), "c": (0.0275, -0.17, 0.02, 0.34),
+    "d": (0.0, -0.29, 0.075, 0.1), "e": (-0.0275, -0.17, 0.02, 0.34), "f": (-0.0275, 0.17, 0.02, 0.34),
+    "g": (0.0, 0.0, 0.075, 0.1),
+}  # fmt: skip # a table
+"""Strokes of a character, named as those of a display of seven segments: middle to the right and up, width and height,
+over width and height of the plate."""
+LETTERS = {
+    "A": "abcefg", "C": "adef", "E": "adefg", "F": "aefg", "H": "bcefg", "J": "bcde", "L": "def", "P": "abefg",
+    "U": "bcdef",
+}  # fmt: skip # a table
+DIGITS = {
+    "0": "abcdef", "1": "bc", "2": "abdeg", "3": "abcdg", "4": "bcfg", "5": "acdfg", "6": "acdefg", "7": "abc",
+    "8": "abcdefg", "9": "abcdfg",
+}  # fmt: skip # a table
+"""Strokes of the characters that read as such in seven segments."""
 
 
 class NumberPlates(NamedTuple):
@@ -73,16 +89,18 @@ class NumberPlates(NamedTuple):
 
 
 def _strokes(seed: int) -> Array:
-    """Return the strokes of six block letters: their bounds, shape (n, 2, 2): across and up, low and high [m]."""
+    """Return the strokes of two letters and four digits, shape (n, 2, 2): across and up, low and high [m].
+
+    Across goes from left to right for who looks at the plate.
+    """
     generator = np.random.default_rng(seed)
     found = []
     for k in (0, 1, 3, 4, 5, 6):
+        kind = LETTERS if k < 2 else DIGITS
         y = (-0.36 + 0.12 * k) * WIDTH
-        for level, there in zip((0.29, 0.0, -0.29), generator.uniform(size=3) < 0.8, strict=True):
-            if there:
-                found.append(_bounds(y, level * HEIGHT, 0.075 * WIDTH, 0.1 * HEIGHT))
-        left = -0.031 if generator.uniform() < 0.5 else 0.031
-        found.append(_bounds(y + left * WIDTH, 0.0, 0.02 * WIDTH, 0.68 * HEIGHT))
+        for segment in str(generator.choice(list(kind.values()))):
+            across, up, width, height = SEGMENTS[segment]
+            found.append(_bounds(y + across * WIDTH, up * HEIGHT, width * WIDTH, height * HEIGHT))
     return np.array(found)
 
 
