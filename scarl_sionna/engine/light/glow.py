@@ -12,7 +12,7 @@ from scarl_sionna.core.specs.lidar_ratio import FOG_LIDAR_RATIO
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 from .haze import Haze
-from .many_lamps import SURFACE, LampTable, beam_intensity, beam_table
+from .many_lamps import SURFACE, LampTable, beam_intensity, beam_table, choose_lamp
 
 PLUGIN = "scarl_glow"
 
@@ -65,7 +65,6 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
 
         def place(self, scene: MitsubaObject, table: LampTable, extinction: float) -> None:
             """Take the lamps of a scene and the haze's extinction coefficient [1/m]."""
-            self._modules = mi, dr
             lamps = np.flatnonzero((table.kind <= 1) & (table.strength > 0.0))
             self._count = dr.opaque(mi.UInt32, len(lamps))
             self._extinction = dr.opaque(mi.Float, float(extinction))
@@ -104,25 +103,6 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             dimmed = dr.exp(-self._extinction * (dr.clip(nearest, 0.0, length) + near))
             return strength * toward * dimmed * (high - low) / near
 
-        @dr.syntax  # type: ignore[misc]
-        def _choose(
-            self, ray: MitsubaObject, length: DeviceArray, random: DeviceArray
-        ) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
-            """Return a lamp's index, its light and the sum over all lamps; one pass."""
-            mi, dr = self._modules  # the decorator loses names of outer functions
-            index, total = mi.UInt32(0), mi.Float(0.0)
-            chosen, light = mi.UInt32(0), mi.Float(0.0)
-            while index < self._count:
-                value = self._light(index, ray, length)
-                total += value
-                share = dr.select(total > 0.0, value / total, 0.0)
-                take = (value > 0.0) & (random < share)
-                chosen, light = dr.select(take, index, chosen), dr.select(take, value, light)
-                random = dr.select(take, random / share, (random - share) / dr.maximum(1.0 - share, 1e-7))
-                random = dr.clip(random, 0.0, 0.99999994)
-                index += 1
-            return chosen, light, total
-
         def sample(
             self,
             scene: MitsubaObject,
@@ -136,7 +116,9 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             hit = scene.ray_intersect_preliminary(ray, coherent=True, active=active)
             reach = dr.minimum(_FURTHEST / self._extinction, Haze.way_out(ray))
             length = dr.minimum(dr.select(hit.is_valid(), hit.t, reach), reach)
-            chosen, light, total = self._choose(ray, length, sampler.next_1d())
+            chosen, light, total = choose_lamp(
+                mi, self._count, lambda index: self._light(index, ray, length), sampler.next_1d(), mi.Bool(active)
+            )
             nearest, near, low, high = self._stretch(chosen, ray, length)
             distance = dr.clip(nearest + near * dr.tan(low + sampler.next_1d() * (high - low)), 0.0, length)
             pdf = near / ((high - low) * (dr.square(near) + dr.square(distance - nearest))) * light / total

@@ -8,6 +8,7 @@ What sends light back to its lamp asks once more, by the light that it may send 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -158,6 +159,32 @@ def beam_intensity(
     return dr.select(lit, table.eval(mi.Point2f(u, v) / (2.0 * half) + 0.5, lit)[0], 0.0)
 
 
+def choose_lamp(
+    mi: ModuleType,
+    count: DeviceArray,
+    light_of: Callable[[DeviceArray], DeviceArray],
+    random: DeviceArray,
+    active: DeviceArray,
+) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
+    """Return a lamp's index, drawn by the light that each may send, this light, and the sum over all; one pass."""
+    import drjit as dr
+
+    def step(
+        index: DeviceArray, total: DeviceArray, chosen: DeviceArray, light: DeviceArray, random: DeviceArray
+    ) -> tuple[DeviceArray, ...]:
+        value = light_of(index)
+        total += value
+        share = dr.select(total > 0.0, value / total, 0.0)
+        take = (value > 0.0) & (random < share)
+        chosen, light = dr.select(take, index, chosen), dr.select(take, value, light)
+        random = dr.select(take, random / share, (random - share) / dr.maximum(1.0 - share, 1e-7))
+        return index + 1, total, chosen, light, dr.clip(random, 0.0, 0.99999994)
+
+    start = (mi.UInt32(0), mi.Float(0.0), mi.UInt32(0), mi.Float(0.0), mi.Float(random))
+    _, total, chosen, light, _ = dr.while_loop(start, lambda index, *_: active & (index < count), step)
+    return chosen, light, total
+
+
 @lru_cache(maxsize=4)
 def _plugin(mi: ModuleType, variant_name: str) -> type:
     """Define and register the integrator for the variant that runs."""
@@ -221,7 +248,6 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             seen = dr.rad2deg(radius / dr.maximum(dr.norm(way), 1e-3))
             return sheet_law(mi, dr.maximum(angle - seen, 0.0)) + 1e-3
 
-        @dr.syntax  # type: ignore[misc]
         def _choose(
             self,
             point: DeviceArray,
@@ -230,25 +256,16 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             active: DeviceArray,
             eye: DeviceArray = None,
         ) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
-            """Return a lamp's index, the light that it may send, and the sum over all lamps; one pass.
+            """Return a lamp's index, the light that it may send, and the sum over all lamps.
 
             By the light that a sheet may send to where `eye` points, where that is given.
             """
-            mi, dr = self._modules  # the decorator loses names of outer functions
-            index, total = mi.UInt32(0), mi.Float(0.0)
-            chosen, light = mi.UInt32(0), mi.Float(0.0)
-            while active & (index < self._count):
-                value = self._chance(index, point, normal, active)
-                if dr.hint(eye is not None, mode="scalar"):
-                    value *= self._sent_back(index, point, eye, active)
-                total += value
-                share = dr.select(total > 0.0, value / total, 0.0)
-                take = (value > 0.0) & (random < share)
-                chosen, light = dr.select(take, index, chosen), dr.select(take, value, light)
-                random = dr.select(take, random / share, (random - share) / dr.maximum(1.0 - share, 1e-7))
-                random = dr.clip(random, 0.0, 0.99999994)
-                index += 1
-            return chosen, light, total
+
+            def light_of(index: DeviceArray) -> DeviceArray:
+                light = self._chance(index, point, normal, active)
+                return light if eye is None else light * self._sent_back(index, point, eye, active)
+
+            return choose_lamp(mi, self._count, light_of, random, active)
 
         def _returned(
             self,
