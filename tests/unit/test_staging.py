@@ -41,6 +41,10 @@ def street(folder: Path) -> Path:
     return write_scene(folder, instances=[Thing("ground", plane(200.0, 200.0), "Roads")])
 
 
+def _toml(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
 def by_hand(folder: Path, model: str, detail: str) -> Path:
     """Write the street with a model's shapes, materials and joints in its own files."""
     path = street(folder)
@@ -73,7 +77,7 @@ def by_hand(folder: Path, model: str, detail: str) -> Path:
             table["shapes"] = [f"car_{shape}" for shape in table["shapes"] if shape in shapes]
             if not table["shapes"]:
                 continue
-        lines += ["[[actors.joints]]", *(f"{key} = {value!r}" for key, value in table.items())]
+        lines += ["[[actors.joints]]", *(f"{key} = {_toml(value)}" for key, value in table.items())]
     for bsdf, entry in source.materials.items():
         if bsdf in source.level(detail).bsdfs:
             lines += [

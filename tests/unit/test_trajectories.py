@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, TrajectoryFileError, UnknownNameError
+from scarl_sionna.core.errors import (
+    ParameterRangeError,
+    ScenarioFileError,
+    TimeRangeError,
+    TrajectoryFileError,
+    UnknownNameError,
+)
 from scarl_sionna.scenario.motion.bodies import WALKER, ActorBody
 from scarl_sionna.scenario.motion.paths import LateralShift, PathTrajectory, SmoothPath, quintic_step
 from scarl_sionna.scenario.motion.profiles import SpeedProfile, constant_way, smooth_way
@@ -249,7 +255,7 @@ def test_a_wrong_table_is_told(tmp_path: Path, text: str, message: str, row: int
 
 
 def test_formats_that_are_not_read(tmp_path: Path) -> None:
-    with pytest.raises(TrajectoryFileError, match="OpenSCENARIO is not read"):
+    with pytest.raises(ScenarioFileError, match=r"t\.xosc: is not there"):
         read_table(tmp_path / "t.xosc")
     with pytest.raises(TrajectoryFileError, match="'.json' is not known"):
         read_table(tmp_path / "t.json")
