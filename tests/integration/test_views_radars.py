@@ -100,7 +100,14 @@ def test_mcap_has_polar_images_and_peaks(source: FrameSource, frame: ss.Frame, t
     assert len(base64.b64decode(found["/front/closed/peaks"]["data"])) == size * peaks(frame).num_points
 
 
-@pytest.mark.parametrize("form", [name for name in FORMATS if name not in ("rosbag", "mcap", "rerun")])
+@pytest.mark.parametrize(
+    "form",
+    [
+        pytest.param(name, marks=[pytest.mark.own_process] * (name == "tfrecord"))  # TensorFlow keeps half a gigabyte
+        for name in FORMATS
+        if name not in ("rosbag", "mcap", "rerun")
+    ],
+)
 def test_every_format_holds_a_sensor_or_says_that_it_does_not(source: FrameSource, form: str, tmp_path) -> None:
     """Formats of arrays take all; the others name each sensor that they leave out, also where then nothing is left."""
     without_radio = Rig.from_dict({**source.rig, "sensors": source.rig["sensors"][:2]}).to_dict()
