@@ -75,7 +75,8 @@ def table() -> str:
             continue
         value = f"{figure.low:g} to {figure.high:g}" if figure.value is None else f"{figure.value:g}"
         here = ["not told" if np.isnan(one.here) else f"{one.here:.3g}" for one in several]
-        lines.append(f"| {figure.quantity} [{figure.unit}] | {value} | {here[0]} | {here[1]} |")
+        unit = f" [{figure.unit}]" * bool(figure.unit)
+        lines.append(f"| {figure.quantity}{unit} | {value} | {here[0]} | {here[1]} |")
     scans = [one.points_per_scan for one in counted]
     lines.append(f"| points of a scan, vehicle in motion | 206 | {np.mean(scans[0]):.0f} | {np.mean(scans[1]):.0f} |")
     print(f"{time.process_time() - start:.0f} CPU s", file=sys.stderr)
