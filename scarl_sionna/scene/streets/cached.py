@@ -9,15 +9,16 @@ from functools import lru_cache
 from pathlib import Path
 
 import scenes_xml
-from scarl_sionna.core.errors import InputFileError, MapError, MapWarning
+from scarl_sionna.core.errors import MapError, MapWarning
 from scarl_sionna.core.untrusted.files import read_bytes
 from scarl_sionna.core.untrusted.toml_text import read_toml
 from scenes_xml.cache import kept_folder
 
 from .building.scene import build_scene, scene_name
 from .model import StreetMap
-from .opendrive.street import MOST_BYTES, read_map
+from .opendrive.street import read_map
 from .openstreetmap.extract import read_extract
+from .source import MOST_BYTES, map_errors
 from .sumo.street import read_network
 
 READERS: dict[str, Callable[[Path], StreetMap]] = {
@@ -49,14 +50,8 @@ def map_scene(path: Path, detail: str = "detailed") -> Path:
     MapWarning
         If the file holds what is not used; `findings` of the scene's information list it.
     """
-    try:
+    with map_errors(path, f"give the path of a map ({', '.join(READERS)})"):
         data = read_bytes(path, MOST_BYTES)
-    except FileNotFoundError:
-        raise MapError("map file not found", path, f"give the path of a map ({', '.join(READERS)})") from None
-    except InputFileError as error:
-        raise MapError(str(error.strerror), path) from error
-    except OSError as error:
-        raise MapError(f"cannot be read ({error.strerror})", path, "check its permissions") from error
     ending = next(one for one in READERS if path.name.endswith(one))
     stem = path.name.removesuffix(ending)
     key = hashlib.sha256(stem.encode() + ending.encode() + b"\0" + data + b"\0" + _builder_hash().encode()).hexdigest()[

@@ -1,22 +1,56 @@
-"""Attributes of a file's elements as checked values, and the list of what is not used."""
+"""The root of a map's file, attributes of its elements as checked values, and the list of what is not used."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from scarl_sionna.core.errors import MapError
-from scarl_sionna.core.untrusted.xml_text import LinedElement
+from scarl_sionna.core.errors import InputFileError, MapError
+from scarl_sionna.core.untrusted.files import MEGABYTE
+from scarl_sionna.core.untrusted.xml_text import LinedElement, read_xml_with_lines
 
 from .model import Cubics, Finding
 
+MOST_BYTES = 128 * MEGABYTE
 LARGEST = 1e7
 """Numbers beyond it are no length in metres, and no angle."""
 
 _SPEEDS = {"km/h": 1.0 / 3.6, "mph": 0.44704, "m/s": 1.0}
+
+
+@contextmanager
+def map_errors(path: Path, remedy: str) -> Iterator[None]:
+    """Raise a `MapError` for a file that is not there (with the remedy) or cannot be read."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise MapError("map file not found", path, remedy) from None
+    except InputFileError as error:
+        raise MapError(str(error.strerror), path) from error
+    except OSError as error:
+        raise MapError(f"cannot be read ({error.strerror})", path, "check its permissions") from error
+
+
+def read_root(path: Path, tag: str, file: str, form: str) -> LinedElement:
+    """Return the root element of a map, which has that tag; remedies name the `file` and its `form`.
+
+    Raises
+    ------
+    MapError
+        If the file is not there, cannot be read, is no XML, or has another root.
+    """
+    remedy = f"give the path of {file}"
+    if not path.is_file():
+        raise MapError("map file not found", path, remedy)
+    with map_errors(path, remedy):
+        root = read_xml_with_lines(path, MOST_BYTES)
+    if root.tag != tag:
+        raise MapError(f"the root element is <{root.tag}>, not <{tag}>", path, f"give {form}", root.line)
+    return root
 
 
 class Source:

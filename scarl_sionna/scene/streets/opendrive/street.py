@@ -6,16 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from scarl_sionna.core.errors import InputFileError, MapError
-from scarl_sionna.core.untrusted.files import MEGABYTE
-from scarl_sionna.core.untrusted.xml_text import LinedElement, read_xml_with_lines
+from scarl_sionna.core.errors import MapError
+from scarl_sionna.core.untrusted.xml_text import LinedElement
 
 from ..model import Array, Connection, Cubics, Junction, PlanPiece, Road, RoadLink, StreetMap
-from ..source import Source, child, children
+from ..source import Source, child, children, read_root
 from .lanes import read_sections
 from .objects import read_objects, read_references, read_signals, read_structures
 
-MOST_BYTES = 128 * MEGABYTE
 LONGEST_ROAD = 200_000.0
 _MOST_TURN = 200.0
 """Largest turn of one piece [rad]: what turns more is no street."""
@@ -77,16 +75,7 @@ def read_map(path: Path) -> StreetMap:
     MapError
         If the file cannot be read, is no OpenDRIVE of version 1, or a value is missing or not allowed.
     """
-    if not path.is_file():
-        raise MapError("map file not found", path, "give the path of an OpenDRIVE file (.xodr)")
-    try:
-        root = read_xml_with_lines(path, MOST_BYTES)
-    except InputFileError as error:
-        raise MapError(str(error.strerror), path) from error
-    except OSError as error:
-        raise MapError(f"cannot be read ({error.strerror})", path, "check its permissions") from error
-    if root.tag != "OpenDRIVE":
-        raise MapError(f"the root element is <{root.tag}>, not <OpenDRIVE>", path, "give an OpenDRIVE file", root.line)
+    root = read_root(path, "OpenDRIVE", "an OpenDRIVE file (.xodr)", "an OpenDRIVE file")
     source = Source(path)
     version = _version(source, root)
     source.note_unused(root, USED)

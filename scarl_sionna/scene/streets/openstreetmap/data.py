@@ -8,15 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scarl_sionna.core.errors import InputFileError, MapError
-from scarl_sionna.core.untrusted.files import MEGABYTE
-from scarl_sionna.core.untrusted.xml_text import LinedElement, read_xml_with_lines
+from scarl_sionna.core.errors import MapError
+from scarl_sionna.core.untrusted.xml_text import LinedElement
 
 from ..model import Array
-from ..source import Source, child, children
+from ..source import Source, child, children, read_root
 from .projection import Projection
 
-MOST_BYTES = 128 * MEGABYTE
 LARGEST = 20_000.0
 """Largest distance from the middle of an extract [m]: beyond, a plane and single precision are not what it is."""
 NORTHMOST = 84.0
@@ -88,16 +86,7 @@ def read_osm(path: Path, source: Source) -> Extract:
     MapError
         If the file cannot be read, is no extract, reaches too far, or a value is missing or not allowed.
     """
-    if not path.is_file():
-        raise MapError("map file not found", path, "give the path of an extract of OpenStreetMap (.osm)")
-    try:
-        root = read_xml_with_lines(path, MOST_BYTES)
-    except InputFileError as error:
-        raise MapError(str(error.strerror), path) from error
-    except OSError as error:
-        raise MapError(f"cannot be read ({error.strerror})", path, "check its permissions") from error
-    if root.tag != "osm":
-        raise MapError(f"the root element is <{root.tag}>, not <osm>", path, "give an OSM XML file", root.line)
+    root = read_root(path, "osm", "an extract of OpenStreetMap (.osm)", "an OSM XML file")
     source.note_unused(root, USED)
     elements = [one for one in children(root, "node") if one.get("action") != "delete"]
     if not elements:

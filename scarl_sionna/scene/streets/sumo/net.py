@@ -8,14 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scarl_sionna.core.errors import InputFileError, MapError
-from scarl_sionna.core.untrusted.files import MEGABYTE
-from scarl_sionna.core.untrusted.xml_text import LinedElement, read_xml_with_lines
+from scarl_sionna.core.errors import MapError
+from scarl_sionna.core.untrusted.xml_text import LinedElement
 
 from ..model import Array, Finding
-from ..source import LARGEST, Source, children
+from ..source import LARGEST, Source, children, read_root
 
-MOST_BYTES = 128 * MEGABYTE
 MOST_POINTS = 100_000
 """Points that one line may have."""
 LANE_WIDTH = 3.2
@@ -131,16 +129,7 @@ def read_net(path: Path) -> Net:
     MapError
         If the file cannot be read, is no network of SUMO, or a value is missing or not allowed; with its line.
     """
-    if not path.is_file():
-        raise MapError("map file not found", path, "give the path of a network of SUMO (.net.xml)")
-    try:
-        root = read_xml_with_lines(path, MOST_BYTES)
-    except InputFileError as error:
-        raise MapError(str(error.strerror), path) from error
-    except OSError as error:
-        raise MapError(f"cannot be read ({error.strerror})", path, "check its permissions") from error
-    if root.tag != "net":
-        raise MapError(f"the root element is <{root.tag}>, not <net>", path, "give a network of SUMO", root.line)
+    root = read_root(path, "net", "a network of SUMO (.net.xml)", "a network of SUMO")
     source = Source(path)
     source.note_unused(root, USED)
     all_edges = [_edge(source, element) for element in children(root, "edge")]
