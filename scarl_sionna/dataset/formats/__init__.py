@@ -33,6 +33,7 @@ FORMATS: Mapping[str, Format] = {
     "coco": Format("labelled.coco", "export_coco", True, "COCO images with boxes and masks"),
     "yolo": Format("labelled.yolo", "export_yolo", True, "YOLO images with boxes"),
     "kitti": Format("labelled.kitti", "export_kitti", True, "KITTI's object data, with radar points"),
+    "openlabel": Format("labelled.openlabel", "export_openlabel", True, "ASAM OpenLABEL: boxes, calibration, images"),
     "rosbag": Format("rosbag", "export_rosbag", True, "ROS 2 bag with the standard messages"),
     "dca1000": Format("dca1000", "export_dca1000", True, "raw radar captures as TI's DCA1000 writes them"),
     "rerun": Format("rerun", "export_rerun", False, ".rrd recording for the Rerun viewer"),
