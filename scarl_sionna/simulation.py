@@ -120,6 +120,7 @@ def observe(
         If the time lies outside the world's motion.
     """
     from .engine.rays.placement import check_placement
+    from .engine.threads import few_threads
     from .engine.world import World
 
     expect("world", world, World, HOW_TO_WORLD)
@@ -145,9 +146,10 @@ def observe(
 
     results: dict[str, Any] = {}
     looking = rig.sensors if only is None else tuple(rig[name] for name in rig.names if name in set(only))
-    for mount in looking:
-        if mount.kind in SPEC_TYPES:
-            check_placement(state, carrier.at(mount.vehicle_from_sensor).pose.position, f"sensor '{mount.name}'")
+    with few_threads():
+        for mount in looking:
+            if mount.kind in SPEC_TYPES:
+                check_placement(state, carrier.at(mount.vehicle_from_sensor).pose.position, f"sensor '{mount.name}'")
     for position, mount in enumerate(looking):
         on_stage(mount.name, position / len(looking))
         started = perf_counter()
@@ -158,7 +160,8 @@ def observe(
         )
         timings[mount.kind] = timings.get(mount.kind, 0.0) + perf_counter() - started
     started = perf_counter()
-    results = add_visibility(state, objects, results)
+    with few_threads():
+        results = add_visibility(state, objects, results)
     timings["labels"] = perf_counter() - started
     return Frame(
         index=index,

@@ -16,6 +16,7 @@ from scarl_sionna.engine.light.glow import glow_integrator
 from scarl_sionna.engine.light.haze import Haze, haze_integrator
 from scarl_sionna.engine.light.many_lamps import lamp_table, many_lamps_integrator
 from scarl_sionna.engine.light.retroreflectors import Retroreflectors
+from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.engine.world import WorldState
 
@@ -202,8 +203,10 @@ def _launched(
     total = np.zeros((spec.height, spec.width, channels), dtype=np.float64)
     for launch, count in enumerate(launch_samples(view.samples, MOST_RAYS // (spec.width * spec.height))):
         sensor = ray_sensor(mi, spec, view.pose, count)
-        image = mi.render(scene, sensor=sensor, integrator=integrator, seed=(seed + 104729 * launch) % 2**32, spp=count)
-        total += count / view.samples * np.array(image, dtype=np.float64)[..., -channels:]
+        number = (seed + 104729 * launch) % 2**32
+        with many_threads():
+            image = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=number, spp=count))
+        total += count / view.samples * image.astype(np.float64)[..., -channels:]
     return total
 
 

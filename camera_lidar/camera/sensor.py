@@ -11,6 +11,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import ImageFrame
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.rays.placement import check_placement
+from scarl_sionna.engine.threads import few_threads
 from scarl_sionna.engine.world import WorldState
 
 from .labels import LABEL_NAMES, render_labels
@@ -28,6 +29,7 @@ class Camera:
     def __init__(self, spec: CameraSpec) -> None:
         self.spec = spec
 
+    @few_threads()
     def observe(self, state: WorldState, mount: Mount | Pose, rng: np.random.Generator) -> ImageFrame:
         """Return the images named in ``spec.images`` at the state's time; the others stay None and cost nothing.
 

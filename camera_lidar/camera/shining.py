@@ -12,6 +12,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.light.haze import Haze
 from scarl_sionna.engine.light.many_lamps import SURFACE, lamp_table
+from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import MitsubaObject
 
 from .ray_sensor import pixel_table
@@ -81,7 +82,9 @@ def lamp_light(
     emitted = hit.emitter(scene).eval(hit)
     if haze is not None:
         emitted = emitted * haze.transmittance(ray, hit.is_valid(), hit.t)
-    radiance = np.array(emitted, dtype=np.float64).reshape(3, len(rows), side * side).mean(axis=2).T
+    with many_threads(rays.shape[0]):
+        radiance = np.array(emitted, dtype=np.float64)
+    radiance = radiance.reshape(3, len(rows), side * side).mean(axis=2).T
     return LampLight(pixels, radiance)
 
 

@@ -16,6 +16,7 @@ from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver, PulsedRec
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.engine.spray import SprayCloud, spray_clouds
+from scarl_sionna.engine.threads import few_threads
 from scarl_sionna.engine.world import WorldState
 from scarl_sionna.scene.tables import PartTable
 
@@ -48,6 +49,7 @@ class Lidar:
     def __init__(self, spec: LidarSpec) -> None:
         self.spec = spec
 
+    @few_threads()
     def observe(self, state: WorldState, mount: Mount | Pose, rng: np.random.Generator) -> LidarScan:
         """Return the scan that begins at the state's time: one row a detected return.
 

@@ -30,6 +30,7 @@ from . import variant
 from .device import Device
 from .light.lamps import Lamps, lamp_elements
 from .light.look import airlight, sky_elements, wet_bsdfs
+from .threads import many_threads
 from .types import MitsubaObject
 
 Array = npt.NDArray[np.float64]
@@ -185,7 +186,8 @@ class Twin:
                     self._lamps.move(self._params, name, pose)
             if self._lamps is not None:
                 self._lamps.switch(self._params, time)
-            self._params.update()
+            with many_threads():
+                self._params.update()
             if self.sionna_scene is not None:
                 for name, twist in twist_of_part.items():
                     velocity = tuple(twist.linear.tolist())
@@ -234,11 +236,12 @@ class Twin:
             ray = mi.Ray3f(mi.Point3f(on.single_vectors(origin)), mi.Vector3f(on.single_vectors(directions)))
             if np.isfinite(max_distance):
                 ray.maxt = mi.Float(float(max_distance))
-            found = self.mi_scene.ray_intersect_preliminary(ray, coherent=True)
-            shape = dr.reinterpret_array(mi.UInt32, found.shape)
-            distance, face, number = found.t, found.prim_index, shape
-            dr.eval(distance, face, number)
-            distance, face, number = distance.numpy(), face.numpy(), number.numpy()
+            with many_threads(len(directions)):
+                found = self.mi_scene.ray_intersect_preliminary(ray, coherent=True)
+                shape = dr.reinterpret_array(mi.UInt32, found.shape)
+                distance, face, number = found.t, found.prim_index, shape
+                dr.eval(distance, face, number)
+                distance, face, number = distance.numpy(), face.numpy(), number.numpy()
         hit = np.flatnonzero(np.isfinite(distance) & (number > 0))
         part = self._part_of_registry[number[hit]]
         return hit, part, face[hit].astype(np.int64), distance[hit]

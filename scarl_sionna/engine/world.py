@@ -40,6 +40,7 @@ from .rays.cast import Target, cast_rays
 from .rays.enclosure import is_enclosed, is_left_behind
 from .rays.footing import Footing
 from .rays.geometry import Triangles, upright_box
+from .threads import many_threads
 from .twins import MeshData, Twin
 from .types import MitsubaObject
 
@@ -125,7 +126,8 @@ class World(Described):
         if kind not in self._twins:
             if kind not in ("optical", "radio"):
                 raise UnknownNameError("twin", kind, ("optical", "radio"))
-            self._twins[kind] = Twin(kind, self.document, self.materials, self.parts.name, self.lighting)
+            with many_threads():
+                self._twins[kind] = Twin(kind, self.document, self.materials, self.parts.name, self.lighting)
         return self._twins[kind]
 
     def with_lighting(self, lighting: Lighting | str | None) -> World:

@@ -22,6 +22,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scarl_sionna.core.errors import EngineError, ScarlError
 from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.engine import variant
+from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import MitsubaObject
 
 if TYPE_CHECKING:
@@ -271,7 +272,8 @@ def solve(
     generator = _CountingGenerator(solver._candidate_generator)
     solver._candidate_generator = generator
     try:
-        found = solver(scene, **options)
+        with many_threads():
+            found = solver(scene, **options)
         valid = np.array(found.valid, dtype=bool)
         if options["max_depth"] == 0 or not valid.any():
             interactions = np.zeros((options["max_depth"], *valid.shape), dtype=np.uint32)

@@ -12,6 +12,7 @@ from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import PathBufferOverflowError
+from scarl_sionna.engine.threads import few_threads
 from scarl_sionna.engine.world import World, WorldState
 from scarl_sionna.radar.paths import RadarPaths
 
@@ -101,9 +102,11 @@ def solve_paths(
     solve = SOLVERS[chosen.method]
     if chosen.num_band_frequencies > 1:
         count, level = chosen.num_band_frequencies, chosen.warn_at.band_error
-        return solved_over_band(lambda tuned: solve(state, tuned, place, chosen, other), radar, count, level)
+        with few_threads():
+            return solved_over_band(lambda tuned: solve(state, tuned, place, chosen, other), radar, count, level)
     warn_of_band(state, radar, chosen.warn_at)
-    return solve(state, radar, place, chosen, other)
+    with few_threads():
+        return solve(state, radar, place, chosen, other)
 
 
 def _settings(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:

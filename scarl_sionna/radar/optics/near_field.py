@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.engine.rays.face_rays import StateRays
+from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import DeviceArray
 
 from .faces.curved import DeviceCurves
@@ -174,7 +175,8 @@ def radiated(near: NearField, tubes: ImageTubes) -> dict[str, npt.NDArray[Any]]:
     cosines = incidence * columns["cosine"] / np.pi
     level = 0.5 / wavenumber / (out * home) * kept_out * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
     columns |= _scattered(dr, _spherical_basis(rays, near.tx.pose, arriving), field, level, turn)
-    dr.eval(*columns.values())
+    with many_threads(count):
+        dr.eval(*columns.values())
     found = {name: rays.on_host(column) for name, column in columns.items()}
     found["a"], found["scattered"] = _matrices(found, "re", "im"), _matrices(found, "sre", "sim")
     if edges:

@@ -14,6 +14,7 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.device import device
+from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import DeviceArray
 
 from .faces.oblique import STEADY, Ends, is_oblique, steady_slope
@@ -130,8 +131,9 @@ class PatchSize:
                 rays = legs[0][0] + legs[1][0]
                 turned = [self._turned(dr, side, slopes[0] + slopes[1], rays) for side in sides]
                 found = [dr.maximum(one, other) for one, other in zip(found, turned, strict=True)]
-            dr.eval(*found)
-            return np.stack([side.numpy() for side in found], axis=1)
+            with many_threads(len(rows)):
+                dr.eval(*found)
+                return np.stack([side.numpy() for side in found], axis=1)
 
     def _turned(self, dr: ModuleType, side: DeviceArray, slope: DeviceArray, rays: DeviceArray) -> DeviceArray:
         """Return by how much a side is too long for what motion turns there."""

@@ -20,6 +20,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.rays.moving_faces import MovingFaces
+from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import DeviceArray
 from scarl_sionna.radar.tuned import material_frequency
 from scarl_sionna.scene.materials.fresnel import film_of, te_fraction_of_h
@@ -194,8 +195,9 @@ class RaycastKernel:
         instance = whole(dr.gather(mi.Int32, self._instance, hit.part))
         place = hit.distance, radial, local.y, local.z
         cell = cell_number(lambda value: whole(dr.floor(value)), self._sizes, self._counts, place, instance)
-        dr.eval(face, rough, cell, received)
-        faces, power = face.numpy(), received.numpy()
+        with many_threads(stop - first):
+            dr.eval(face, rough, cell, received)
+            faces, power = face.numpy(), received.numpy()
         if not self._covered.all():
             self._require(faces)
         rows = np.flatnonzero(power >= 0.0)
@@ -220,7 +222,8 @@ class RaycastKernel:
         reflected = self._reflected(hit)
         amplitude = on.Vector(*(dr.sqrt(power) for power in reflected[:3]))
         rate = 2.0 * dr.dot(hit.velocity, ray)
-        dr.eval(hit.point, hit.velocity, rate, amplitude, local, hit.part)
+        with many_threads(len(hits.ray)):
+            dr.eval(hit.point, hit.velocity, rate, amplitude, local, hit.part)
         return {
             "point": on.on_host(hit.point),
             "velocity": on.on_host(hit.velocity),

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.rays.face_planes import FaceTable
+from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import DeviceArray
 
 Array = npt.NDArray[np.float64]
@@ -121,7 +122,8 @@ class NarrowBodies:
 
         state = (dr.zeros(mi.UInt32, len(corners)), limit)
         _, found = dr.while_loop(state, lambda number, found: number < count, step, label="bodies near tubes")
-        return np.asarray(found.numpy(), dtype=np.float64)
+        with many_threads(len(corners)):
+            return np.asarray(found.numpy(), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
+from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import DeviceArray
 
 from ..faces.panes import STEP_ON, Panes
@@ -93,7 +94,8 @@ class Probe:
                 part = dr.gather(rays.Fine, weights, 3 * node + corner)
                 point += part * dr.gather(rays.FinePoint, flat, 3 * tube + corner)
             row = dr.gather(mi.UInt32, rays.index(rows), tube)
-            return np.asarray(self._label(point, row).numpy(), dtype=np.int64)
+            with many_threads(dr.width(tube)):
+                return np.asarray(self._label(point, row).numpy(), dtype=np.int64)
 
     def border(self, corners: Array, rows: Index, label: Index, bisections: int) -> tuple[Array, Index]:
         """Return where along the two sides from corner 0 its label ends, (n, 2), and the label beyond, (n, 2).
@@ -131,8 +133,10 @@ class Probe:
                 state, lambda count, low, high, beyond: count < steps, step, label="bisection of edges"
             )
             share = 0.5 * (low + high)
-            dr.eval(share, beyond)
-            return share.numpy().reshape(-1, 2), beyond.numpy().astype(np.int64).reshape(-1, 2)
+            with many_threads(bisections * len(known)):
+                dr.eval(share, beyond)
+                share, beyond = share.numpy(), beyond.numpy()
+            return share.reshape(-1, 2), beyond.astype(np.int64).reshape(-1, 2)
 
 
 class ShadowProbe(Probe):
