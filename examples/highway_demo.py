@@ -21,4 +21,4 @@ def main(out: str = "demo_out", scenario: ScenarioSpec = SCENARIO) -> RunSummary
 
 
 if __name__ == "__main__":
-    print(main(*sys.argv[1:2]))
+    print(main(sys.argv[1]) if len(sys.argv) > 1 else main())

@@ -9,6 +9,7 @@ Subscribes ``/odom`` (nav_msgs/Odometry, the ego in the world of the scene); pub
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ def cloud_fields(frame: ss.Frame, name: str) -> dict[str, Any]:
     """Return the fields of sensor_msgs/PointCloud2 but the header; `fields` as pairs of name and offset."""
     rows = packed(detection_columns(frame, frame.radars[name], PFA))
     size = rows.dtype.itemsize
-    described = rows.dtype.fields or {}
+    described: Mapping[str, Any] = rows.dtype.fields or {}
     return {
         "height": 1,
         "width": len(rows),

@@ -56,7 +56,7 @@ def main(num_steps: int = 100) -> list[ss.Frame]:
             way += speed * STEP
             ego = along(lane, way, speed)
             if "radar" in frames[-1].results:
-                rd = ss.range_doppler(frames[-1].results["radar"])
+                rd = ss.range_doppler(frames[-1].radars["radar"])
                 row, column = np.unravel_index(rd.power.argmax(), rd.power.shape)
                 print(
                     f"{traffic.time:5.2f} s, ego {speed:4.1f} m/s, {len(poses) - 1} others, {room:5.1f} m of room; "

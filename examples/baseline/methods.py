@@ -39,7 +39,7 @@ class Seen:
 
 def strongest(levels: npt.NDArray[Any], place: npt.ArrayLike, grid: PolarGrid = GRID) -> float:
     """Return the largest signal-to-noise ratio [dB] around a place [m] of a map of 0 to 1 for 0 to 60 dB."""
-    row, column = np.floor(grid.coordinates([place])[0]).astype(int)
+    row, column = np.floor(grid.coordinates(np.asarray(place)[None])[0]).astype(int)
     rows, columns = (
         slice(max(middle + around.start, 0), middle + around.stop)
         for middle, around in zip((row, column), AROUND, strict=True)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +49,10 @@ class Pose(Described):
 
     position: Array = field(default_factory=lambda: np.zeros(3))
     quaternion: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
+
+    if TYPE_CHECKING:  # lists are taken, arrays are kept
+
+        def __init__(self, position: npt.ArrayLike = ..., quaternion: npt.ArrayLike = ...) -> None: ...
 
     def __post_init__(self) -> None:
         position = numbers("position", self.position, 3, "three finite coordinates [m]", "write Pose([x, y, z])")
@@ -217,6 +222,10 @@ class Twist(Described):
 
     linear: Array = field(default_factory=lambda: np.zeros(3))
     angular: Array = field(default_factory=lambda: np.zeros(3))
+
+    if TYPE_CHECKING:
+
+        def __init__(self, linear: npt.ArrayLike = ..., angular: npt.ArrayLike = ...) -> None: ...
 
     def __post_init__(self) -> None:
         for name in ("linear", "angular"):

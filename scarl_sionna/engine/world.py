@@ -384,7 +384,7 @@ class WorldState(Described):
         self.world.actor(name)
         return self._twists[name]
 
-    def mount(self, actor: str, actor_from_sensor: Pose | None = None) -> Mount:
+    def mount(self, actor: str | None, actor_from_sensor: Pose | None = None) -> Mount:
         """Return pose and velocity of a sensor that rides on an actor.
 
         Parameters
@@ -399,8 +399,11 @@ class WorldState(Described):
         UnknownNameError
             If there is no such actor.
         InputTypeError
-            If `actor_from_sensor` is no pose.
+            If `actor_from_sensor` is no pose, or `actor` no name: ``world.ego`` of a scene without an ego vehicle.
         """
+        if not isinstance(actor, str):
+            remedy = f"the actors of this scene: {', '.join(sorted(self._poses)) or 'none'}; a Pose is a place at rest"
+            raise InputTypeError("actor", actor, "a name (world.ego is None in a scene without an ego vehicle)", remedy)
         place = Pose() if actor_from_sensor is None else actor_from_sensor
         if not isinstance(place, Pose):
             raise InputTypeError("actor_from_sensor", place, "a Pose", "write ss.Pose([x, y, z])")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
@@ -158,8 +158,8 @@ class Rig(Described):
     Parameters
     ----------
     name : str
-    sensors : tuple of SensorMount
-        Names are unique.
+    sensors : iterable of SensorMount
+        Names are unique; kept as a tuple.
 
     Raises
     ------
@@ -169,6 +169,10 @@ class Rig(Described):
 
     name: str
     sensors: tuple[SensorMount, ...]
+
+    if TYPE_CHECKING:
+
+        def __init__(self, name: str, sensors: Iterable[SensorMount]) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sensors", tuple(self.sensors))

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from scarl_sionna.core.errors import MaterialError, MeshError, SceneError, TimeRangeError, UnknownNameError
+from scarl_sionna.core.errors import (
+    InputTypeError,
+    MaterialError,
+    MeshError,
+    SceneError,
+    TimeRangeError,
+    UnknownNameError,
+)
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.variant import mitsuba, optical, radio
@@ -48,6 +55,9 @@ def test_parts_instances_and_actors(world: World) -> None:
     assert world.time_range == (0.0, 2.0)
     with pytest.raises(UnknownNameError, match="did you mean 'car'"):
         world.actor("cat")
+    assert world.ego is None
+    with pytest.raises(InputTypeError, match="without an ego vehicle.*the actors of this scene: car, top"):
+        world.at(0.0).mount(world.ego)
 
 
 def test_actor_moves_and_its_hits_carry_its_velocity(world: World) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -68,7 +68,7 @@ def compile_scatterers(
     *,
     azimuths_deg: tuple[float, float] = (-180.0, 180.0),
     azimuth_step_deg: float = 0.25,
-    elevations_deg: Sequence[float] = (0.0,),
+    elevations_deg: npt.ArrayLike = (0.0,),
     voxel: float = 0.25,
     trace_step_deg: float = 1.0,
     material: Material = "metal",
@@ -89,7 +89,7 @@ def compile_scatterers(
         First and last aspect [deg]; a full turn has no end.
     azimuth_step_deg : float
         [deg], > 0. Ends stay as given, the step is rounded down to fit.
-    elevations_deg : sequence of float
+    elevations_deg : array_like of float
         Rising [deg], within 85 deg of the body's xy plane.
     voxel : float
         Footprints in a cube of this side are one centre [m].
@@ -186,7 +186,7 @@ def compile_scatterers(
     return ScattererModel(**{**vars(model), "error": error})
 
 
-def _grid(ends_deg: tuple[float, float], step_deg: float, elevations_deg: Sequence[float]) -> tuple[Array, Array]:
+def _grid(ends_deg: tuple[float, float], step_deg: float, elevations_deg: npt.ArrayLike) -> tuple[Array, Array]:
     first, last = (float(end) for end in ends_deg)
     if not (np.isfinite([first, last]).all() and first <= last <= first + 360.0):
         raise ParameterRangeError("azimuths_deg", ends_deg, "first <= last <= first + 360 deg")

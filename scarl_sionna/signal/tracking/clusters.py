@@ -28,8 +28,13 @@ HOW_TO_POINTS = "give ss.detect(cube)"
 class Labels(Protocol):
     """What labels of points hold, one row a point: :func:`ss.label_points` returns them."""
 
-    instance: npt.NDArray[np.int32]
-    semantic: npt.NDArray[np.uint8]
+    @property
+    def instance(self) -> npt.NDArray[np.int32]:
+        """Instance id, 0 where nothing is known."""
+
+    @property
+    def semantic(self) -> npt.NDArray[np.uint8]:
+        """Index into `core.semantics.SEMANTIC_CLASSES`."""
 
 
 class Reach(TypedDict, total=False):
