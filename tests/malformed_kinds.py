@@ -329,6 +329,22 @@ def _read_commonroad(folder: Path) -> object:
     return read_table(folder / "c.xml")
 
 
+def _nuscenes(folder: Path) -> None:
+    from tests.integration.test_nuscenes_drives import THINGS, rear
+    from tests.nuscenes_tables import write_tables
+
+    write_tables(folder, {name: THINGS[name] for name in ("ahead", "walker")}, rear, 1.0)
+
+
+def _read_nuscenes(folder: Path) -> object:
+    from scarl_sionna.scenario.motion.bodies import ActorBody
+    from scarl_sionna.scenario.traffic.planned import Conversion
+    from scarl_sionna.scenario.traffic.recorded.nuscenes import nuscenes_motion, read_nuscenes
+
+    nuscenes_motion(folder, "scene-0061", "ego", ActorBody(), Conversion())
+    return read_nuscenes(folder, "scene-0061", span=(0.0, 1.0))
+
+
 # packed tables of numbers
 
 
@@ -409,6 +425,7 @@ KINDS: Mapping[str, Kind] = {
     "body": _kind(_write_body, ("person.glb", "leg.bvh"), _read_body),
     "motion": _kind(_write_motion, MOTIONS, _read_motion, ENTITIES),
     "commonroad": _kind(_commonroad, ("c.xml",), _read_commonroad, ENTITIES),
+    "nuscenes": _kind(_nuscenes, ("sample_annotation.json", "ego_pose.json", "scene.json"), _read_nuscenes),
     "numbers": Kind(_write_numbers, ("model.npz", "scan.npz", "scan.csv"), _read_numbers, _evil_numbers),
     **DATASETS,
     **CAPTURES,

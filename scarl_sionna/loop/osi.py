@@ -17,7 +17,7 @@ from scarl_sionna.core.results import Frame, ObjectState
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.units import power_to_db
 from scarl_sionna.dataset.derived.radar_points import sensed_points
-from scarl_sionna.scenario.traffic.osi import moving_states
+from scarl_sionna.scenario.traffic.recorded.osi import moving_states
 
 from .motion import ActorPose
 from .session import Session
@@ -41,7 +41,7 @@ def osi_poses(
     ----------
     truth : betterosi.GroundTruth
     types : mapping of str to str, optional
-        Actor models by kind, as ``{"vehicle.car": "suv"}``; else ``scenario.traffic.osi.MODELS``.
+        Actor models by kind, as ``{"vehicle.car": "suv"}``; else ``scenario.traffic.recorded.osi.MODELS``.
     ego : str, optional
         Number of the scene's own `ego_name`; None: the message's host vehicle. The others are called by their numbers.
     ego_name : str

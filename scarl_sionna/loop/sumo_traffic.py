@@ -18,8 +18,8 @@ from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Metres, Seconds
 from scarl_sionna.scenario.motion.bodies import body_of
 from scarl_sionna.scenario.spec.actors import TrafficSpec
-from scarl_sionna.scenario.traffic.fcd import heading_of_angle, model_of_type
 from scarl_sionna.scenario.traffic.planned import Conversion
+from scarl_sionna.scenario.traffic.recorded.fcd import heading_of_angle, model_of_type
 from scarl_sionna.scenario.traffic.sumo import default_warm_up, running_sumo, sumo_errors
 from scarl_sionna.scene.lanes import LaneNetwork
 

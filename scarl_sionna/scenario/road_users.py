@@ -36,10 +36,11 @@ from .spec.actors import TrafficSpec
 from .spec.light import name_error
 from .spec.motion import TableSpec
 from .spec.scenario import ScenarioSpec
-from .traffic.commonroad import read_commonroad
-from .traffic.fcd import read_fcd
-from .traffic.osi import HOST, about_trace, read_osi
 from .traffic.planned import BETWEEN, DEPTH, Conversion, PlannedActor, PresentTrajectory
+from .traffic.recorded.commonroad import read_commonroad
+from .traffic.recorded.fcd import read_fcd
+from .traffic.recorded.nuscenes import about_scene, read_nuscenes
+from .traffic.recorded.osi import HOST, about_trace, read_osi
 from .traffic.simulated import simulate_traffic
 from .traffic.sumo import run_sumo
 
@@ -83,7 +84,8 @@ def traffic_of(
             present = _without_gaps(present, _looker(own, document), setting)
         return tuple(_member(spec, actor, number) for number, actor in enumerate(present))
     except UnknownNameError as error:
-        raise name_error(error, spec.place(*PATH_OF_TRAFFIC, "mix", error.name)) from error
+        where = ("sequence",) if error.kind == "sequence" else ("mix", error.name)
+        raise name_error(error, spec.place(*PATH_OF_TRAFFIC, *where)) from error
     except ScenarioError:
         raise
     except (InputFileError, TrajectoryFileError) as error:
@@ -122,6 +124,12 @@ def _planned(
         _check_overlap(spec, traffic, (start, stop), setting)
         found = read_osi(file, span=span, conversion=Conversion(setting.network))
         taken |= {host} if HOST in taken else set()
+    elif source == "nuscenes":
+        start, stop, names = about_scene(file, traffic.sequence)
+        _check_overlap(spec, traffic, (start, stop), setting)
+        found = read_nuscenes(file, traffic.sequence, span=span, conversion=Conversion(setting.network))
+        still = {entry.name for entry in document.instances}  # what the scene has, a run of ours in it recorded, too
+        taken |= {name for name, own in names.items() if own is not None and own in still}
     else:
         reader = read_fcd if source == "fcd" else read_commonroad
         found = reader(file, span=span, ground=setting.network)
@@ -189,7 +197,7 @@ def _without_gaps(planned: list[PlannedActor], ego: Trajectory | None, setting: 
 
 def _file(spec: ScenarioSpec, traffic: TrafficSpec) -> Path:
     path = spec.find(str(traffic.file))
-    if not path.is_file():
+    if not (path.is_dir() if traffic.source == "nuscenes" else path.is_file()):
         raise ScenarioFileError(
             f"'{traffic.file}' is not there", spec.place(*PATH_OF_TRAFFIC, "file"), value=traffic.file
         )

@@ -23,8 +23,8 @@ from scarl_sionna.loop.osi import (
     serve_osi,
     write_osi_trace,
 )
-from scarl_sionna.scenario.traffic.osi import read_osi
 from scarl_sionna.scenario.traffic.planned import Conversion
+from scarl_sionna.scenario.traffic.recorded.osi import read_osi
 from tests.scenes import Thing, box, plane, write_scene
 
 osi = pytest.importorskip("betterosi")

@@ -10,8 +10,8 @@ import pytest
 
 from scarl_sionna.core.errors import TrajectoryFileError
 from scarl_sionna.scenario.motion.tables import read_table
-from scarl_sionna.scenario.traffic.osi import about_trace, read_ground_truth, read_osi
 from scarl_sionna.scenario.traffic.planned import Conversion
+from scarl_sionna.scenario.traffic.recorded.osi import about_trace, read_ground_truth, read_osi
 from tests.osi_traces import DELIVERY_VAN, PEDESTRIAN, Moving, message, truth, view, write_trace
 
 TIMES = [100.0 + 0.1 * step for step in range(31)]

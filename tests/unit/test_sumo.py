@@ -17,8 +17,8 @@ from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.tables import read_table
 from scarl_sionna.scenario.spec.actors import TrafficSpec
-from scarl_sionna.scenario.traffic.fcd import heading_of_angle, model_of_type, read_fcd
 from scarl_sionna.scenario.traffic.planned import Conversion, PlannedActor, lane_ground
+from scarl_sionna.scenario.traffic.recorded.fcd import heading_of_angle, model_of_type, read_fcd
 from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
@@ -263,7 +263,7 @@ def commonroad_state(step: int) -> str:
 
 def test_commonroad(tmp_path: Path) -> None:
     pytest.importorskip("commonroad")
-    from scarl_sionna.scenario.traffic.commonroad import read_commonroad
+    from scarl_sionna.scenario.traffic.recorded.commonroad import read_commonroad
 
     path = tmp_path / "c.xml"
     states = "".join(

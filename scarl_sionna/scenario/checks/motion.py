@@ -28,6 +28,8 @@ _ABOVE, _BELOW = 1.0, 4.0
 """From how far above the origin to how far below it the ground is looked for [m]."""
 _ASIDE = 1e4
 """How high actors are put out of the way of the rays [m]."""
+_SEAM = np.array([3e-3, 2e-3, 0.0])
+"""From a ray to the one beside it [m]: a ray on the edge of two triangles may pass between them."""
 _GUST = 2e-3
 """Half of the time step by which a trajectory is compared with its own velocity [s]."""
 
@@ -91,6 +93,8 @@ def ground_heights(world: World, points: npt.ArrayLike, time: float | None = Non
     heights = np.full(len(origins), -np.inf)
     hits = state.cast(origins, np.tile([0.0, 0.0, -1.0], (len(origins), 1)), _ABOVE + _BELOW)
     heights[hits.ray] = hits.point[:, 2]
+    beside = state.cast(origins + _SEAM, np.tile([0.0, 0.0, -1.0], (len(origins), 1)), _ABOVE + _BELOW)
+    heights[beside.ray] = np.maximum(heights[beside.ray], beside.point[:, 2])
     return heights
 
 

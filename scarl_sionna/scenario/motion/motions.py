@@ -18,6 +18,7 @@ from scarl_sionna.core.errors import (
     ScenarioNameError,
     ScenarioPlace,
     ScenarioValueError,
+    TrajectoryFileError,
     UnknownNameError,
 )
 from scarl_sionna.core.pose import Pose, Twist
@@ -37,6 +38,8 @@ from scarl_sionna.scenario.spec.motion import (
     TrajectorySpec,
     WaypointsSpec,
 )
+from scarl_sionna.scenario.traffic.planned import Conversion
+from scarl_sionna.scenario.traffic.recorded.nuscenes import nuscenes_motion
 from scarl_sionna.scene.lanes import Lane, LaneNetwork
 from scarl_sionna.scene.motion.trajectory import (
     ConstantTwistTrajectory,
@@ -143,7 +146,7 @@ def trajectory_of(
             return _constant_twist(spec, setting, moved)
         if isinstance(spec, StaticSpec):
             return _static(spec, setting, place, moved)
-        return _table(spec, name, setting, place)
+        return _table(spec, name, body, setting, place)
     except ScenarioError:
         raise
     except UnknownNameError as error:
@@ -337,8 +340,10 @@ def _static(spec: StaticSpec, setting: Setting, place: PlaceOf, jitter: Jitter) 
     )
 
 
-def _table(spec: TableSpec, name: str, setting: Setting, place: PlaceOf) -> Trajectory:
+def _table(spec: TableSpec, name: str, body: ActorBody, setting: Setting, place: PlaceOf) -> Trajectory:
     path, wanted = setting.find(spec.file), spec.id or name
+    if path.is_dir():
+        return _recorded(spec, path, wanted, body, setting, place)
     if path.suffix.lower() == SUFFIX and path.is_file():
         tracks = entity_tracks(path, setting.street)
     else:
@@ -347,6 +352,19 @@ def _table(spec: TableSpec, name: str, setting: Setting, place: PlaceOf) -> Traj
         error = UnknownNameError("track", wanted, tracks)
         raise name_error(error, place("id") if spec.id else place("file"))
     return tracks[wanted]
+
+
+def _recorded(
+    spec: TableSpec, path: Path, wanted: str, body: ActorBody, setting: Setting, place: PlaceOf
+) -> Trajectory:
+    """Return a motion of nuScenes' tables: the vehicle that takes it drives its way."""
+    try:
+        return nuscenes_motion(path, spec.sequence, wanted, body, Conversion(setting.network))
+    except UnknownNameError as error:
+        key = "sequence" if error.kind == "sequence" else "id" if spec.id else "file"
+        raise name_error(error, place(key)) from error
+    except TrajectoryFileError as error:
+        raise ScenarioFileError(str(error), place("file"), value=str(path)) from error
 
 
 def tracks_of(path: Path, network: LaneNetwork | None, place: ScenarioPlace) -> dict[str, Trajectory]:

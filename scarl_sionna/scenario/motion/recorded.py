@@ -5,10 +5,11 @@ Lane changes that jump are drawn out, steps become a C2 way along a C2 path.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import PPoly
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
@@ -54,6 +55,8 @@ class Record:
         [rad]
     ahead : float
         How far the reference point lies in front of the origin of the body [m]: half the length for SUMO's vehicles.
+    backwards : bool
+        Whether it moves against its headings all the time.
     """
 
     name: str
@@ -61,6 +64,7 @@ class Record:
     points: Array
     headings: Array
     ahead: float = 0.0
+    backwards: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +114,8 @@ def smooth_record(
     way driven in 3 s (at least 12 m) round it. The way is a monotone C2 curve (:func:`smooth_way`) through samples at
     least `knot_time` apart.
     """
+    if record.backwards:
+        return _backwards(record, body, span, knot_time, sharpest)
     times, points = np.asarray(record.times, dtype=np.float64), np.asarray(record.points, dtype=np.float64)
     headings = np.unwrap(np.asarray(record.headings, dtype=np.float64))
     if times.ndim != 1 or not times.size or points.shape != (times.size, 3) or headings.shape != times.shape:
@@ -146,6 +152,22 @@ def smooth_record(
     trajectory = PathTrajectory(path, curve, body, name=record.name)
     off_path = np.linalg.norm(path.at(ways) - points, axis=1)
     return Smoothed(trajectory, float(np.hypot(off_path, np.abs(curve(times) - rear)).max()), num_changes)
+
+
+def _backwards(
+    record: Record, body: ActorBody, span: tuple[float, float] | None, knot_time: float, sharpest: float
+) -> Smoothed:
+    """Return the motion of a body that reverses: that of one that drives on while time runs back."""
+    times, points, headings = (np.asarray(one)[::-1] for one in (record.times, record.points, record.headings))
+    mirrored = replace(record, times=-times, points=points, headings=headings, backwards=False)
+    found = smooth_record(mirrored, body, None if span is None else (-span[1], -span[0]), knot_time, sharpest)
+    motion = found.trajectory
+    if not isinstance(motion, PathTrajectory):
+        return replace(found, trajectory=StaticTrajectory(motion.pose(motion.start), -motion.stop, -motion.start))
+    way = motion.way
+    pieces = [np.poly1d(own)(np.poly1d([-1.0, length])).c for own, length in zip(way.c.T, np.diff(way.x), strict=True)]
+    rows = np.array([np.pad(one, (len(way.c) - len(one), 0)) for one in pieces])[::-1]
+    return replace(found, trajectory=PathTrajectory(motion.path, PPoly(rows.T, -way.x[::-1]), body, name=record.name))
 
 
 def _way_and_jumps(name: str, times: Array, points: Array, headings: Array, on_wheels: bool) -> tuple[Array, Array]:

@@ -21,9 +21,9 @@ from scarl_sionna.core.errors import (
 )
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular, read_bytes, read_text
-from scarl_sionna.scenario.traffic.fcd import MOST_RECORD_BYTES, model_of_type, read_fcd
-from scarl_sionna.scenario.traffic.osi import HOST, about_trace, read_osi
 from scarl_sionna.scenario.traffic.planned import Conversion, Ground, PlannedActor, lane_ground
+from scarl_sionna.scenario.traffic.recorded.fcd import MOST_RECORD_BYTES, model_of_type, read_fcd
+from scarl_sionna.scenario.traffic.recorded.osi import HOST, about_trace, read_osi
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory, WaypointTrajectory
 
@@ -100,7 +100,7 @@ def read_table_actors(
     suffixes = "".join(path.suffixes[-2:]).lower()
     if suffixes.endswith((".xml", ".xml.gz")):
         if not suffixes.endswith(".gz") and _root_tag(path) == "commonRoad":
-            from scarl_sionna.scenario.traffic.commonroad import read_commonroad
+            from scarl_sionna.scenario.traffic.recorded.commonroad import read_commonroad
 
             return read_commonroad(path, ground=ground, models=models)
         return read_fcd(path, ground=ground, models=models)

@@ -80,12 +80,13 @@ class ActorSpec(_Body):
 class TrafficSpec(Spec):
     """Others on the road: simulated here, by SUMO, or read from a file."""
 
-    source: Literal["built_in", "sumo", "fcd", "osi", "commonroad", "openscenario"] = "built_in"
+    source: Literal["built_in", "sumo", "fcd", "osi", "commonroad", "openscenario", "nuscenes"] = "built_in"
     file: str | None = Field(
         None,
-        description="FCD, trace of OSI, CommonRoad, OpenSCENARIO or SUMO's configuration, relative to the scenario's "
-        "file",
+        description="FCD, trace of OSI, CommonRoad, OpenSCENARIO, folder of nuScenes' tables or SUMO's configuration, "
+        "relative to the scenario's file",
     )
+    sequence: str | None = Field(None, min_length=1, description="scene of nuScenes' tables; default: the only one")
     density: Annotated[float, Unit("1/km")] = Field(
         10.0, ge=0.0, le=150.0, description="vehicles on a kilometre of lane [1/km]"
     )
@@ -104,10 +105,12 @@ class TrafficSpec(Spec):
 
     @model_validator(mode="after")
     def _check(self) -> TrafficSpec:
-        if self.file is None and self.source in ("fcd", "osi", "commonroad", "openscenario"):
+        if self.file is None and self.source in ("fcd", "osi", "commonroad", "openscenario", "nuscenes"):
             raise ValueError(f"a `file` with source {self.source}")
         if self.file is not None and self.source == "built_in":
-            raise ValueError("source sumo, fcd, osi, commonroad or openscenario with a `file`")
+            raise ValueError("source sumo, fcd, osi, commonroad, openscenario or nuscenes with a `file`")
+        if self.sequence is not None and self.source != "nuscenes":
+            raise ValueError("source nuscenes with a `sequence`")
         if self.mix is not None and not sum(self.mix.values()) > 0.0:
             raise ValueError("a `mix` with a share above 0")
         return self

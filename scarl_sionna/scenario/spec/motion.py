@@ -151,14 +151,15 @@ class StaticSpec(Spec):
 
 
 class TableSpec(Spec):
-    """The motion that a file holds: CSV or Parquet, SUMO's floating car data, OSI, CommonRoad, or OpenSCENARIO.
+    """The motion that a file holds: CSV or Parquet, SUMO's data, OSI, CommonRoad, OpenSCENARIO, or nuScenes' tables.
 
-    The host vehicle of a trace of OSI and the ego vehicle of OpenSCENARIO are also called ``ego``.
+    The host vehicle of a trace of OSI and the ego vehicles of OpenSCENARIO and nuScenes are also called ``ego``.
     """
 
     kind: Literal["table"] = "table"
     file: str = Field(min_length=1, description="path, relative to the scenario's file")
     id: str | None = Field(None, description="whose rows; default: the actor's name")
+    sequence: str | None = Field(None, min_length=1, description="scene of nuScenes' tables; default: the only one")
 
 
 TrajectorySpec = Annotated[

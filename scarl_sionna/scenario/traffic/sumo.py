@@ -18,8 +18,8 @@ from scarl_sionna.scenario.motion.bodies import BodyLike, body_of
 from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scene.lanes import LaneNetwork
 
-from .fcd import Samples, planned_from_samples
 from .planned import Conversion, PlannedActor
+from .recorded.fcd import Samples, planned_from_samples
 from .separation import without_collisions
 from .simulated import DEFAULT_MIX
 from .sumo_network import SumoNetwork, write_sumo_network

@@ -17,9 +17,9 @@ from scarl_sionna.core.errors import TrajectoryFileError
 from scarl_sionna.core.packages import require
 from scarl_sionna.core.pose import Pose
 
+from ..planned import Conversion, PlannedActor
 from .fcd import MOST_SAMPLES, Samples, planned_from_samples
 from .osi_trace import TracedObject, TracedTruth, Triple, read_trace
-from .planned import Conversion, PlannedActor
 
 Array = npt.NDArray[np.float64]
 
@@ -189,7 +189,7 @@ def read_osi(
     path : str or Path
         ``.osi`` or ``.mcap``, of GroundTruth or of SensorView.
     span : (float, float) or None
-        As of :func:`scarl_sionna.scenario.traffic.fcd.read_fcd`.
+        As of :func:`scarl_sionna.scenario.traffic.recorded.fcd.read_fcd`.
     conversion : Conversion, optional
         `types` by kind, as ``{"vehicle.car": "suv"}``; else :data:`MODELS`.
 
@@ -208,7 +208,7 @@ def read_osi(
     Warns
     -----
     ScarlWarning
-        As of :func:`scarl_sionna.scenario.traffic.fcd.read_fcd`.
+        As of :func:`scarl_sionna.scenario.traffic.recorded.fcd.read_fcd`.
     """
     conversion = conversion or Conversion()
     samples: Samples = {}

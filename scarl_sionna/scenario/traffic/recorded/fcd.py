@@ -16,11 +16,11 @@ import numpy as np
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, TrajectoryFileError
 from scarl_sionna.core.seeds import generator
 from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular
-from scarl_sionna.scenario.motion.bodies import BodyLike, body_of
-from scarl_sionna.scenario.motion.recorded import Record, smooth_record
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, body_of
+from scarl_sionna.scenario.motion.recorded import KNOT_TIME, Record, smooth_record
 from scarl_sionna.scene.lanes import LaneNetwork
 
-from .planned import Conversion, Ground, PlannedActor, draw_variant
+from ..planned import Conversion, Ground, PlannedActor, draw_variant
 
 MOST_RECORD_BYTES = 2000 * MEGABYTE
 """Size of a record of traffic on the disk [bytes]; it is read piece by piece."""
@@ -163,16 +163,9 @@ def planned_from_samples(
             body.length / 2.0 if at_front and not is_person else 0.0,
         )
         try:
-            smoothed = smooth_record(record, body, span)
+            actors.append(planned_from_record(record, model, body, span, conversion))
         except ParameterRangeError as error:
             warnings.warn(f"'{name}' is left out: {error}", ScarlWarning, stacklevel=3)
-            continue
-        present = (float(rows[0, 0]), float(rows[-1, 0]))
-        if span is not None:
-            present = (max(present[0], span[0]), min(present[1], span[1]))
-        look = draw_variant(model, models, float(generator(0, "recorded_looks", name=name).uniform()))
-        found = (smoothed.deviation, smoothed.num_lane_changes)
-        actors.append(PlannedActor(name, model, look, smoothed.trajectory, body, 0.0, present, *found))
     if left_out:
         warnings.warn(
             f"{len(left_out)} actors are there at one instant only and are left out: {', '.join(left_out[:5])}",
@@ -180,6 +173,30 @@ def planned_from_samples(
             stacklevel=3,
         )
     return actors
+
+
+def planned_from_record(
+    record: Record,
+    model: str,
+    body: ActorBody,
+    span: tuple[float, float] | None,
+    conversion: Conversion,
+    knot_time: float = KNOT_TIME,
+) -> PlannedActor:
+    """Return the actor of a record: smooth motion known for the whole span, active where the record is.
+
+    Raises
+    ------
+    ParameterRangeError
+        As of :func:`scarl_sionna.scenario.motion.recorded.smooth_record`.
+    """
+    smoothed = smooth_record(record, body, span, knot_time)
+    present = (float(record.times[0]), float(record.times[-1]))
+    if span is not None:
+        present = (max(present[0], span[0]), min(present[1], span[1]))
+    look = draw_variant(model, conversion.models, float(generator(0, "recorded_looks", name=record.name).uniform()))
+    found = (smoothed.deviation, smoothed.num_lane_changes)
+    return PlannedActor(record.name, model, look, smoothed.trajectory, body, 0.0, present, *found)
 
 
 def _read(path: Path) -> tuple[Samples, dict[str, tuple[str, bool]]]:

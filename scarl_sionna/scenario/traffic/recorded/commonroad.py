@@ -17,7 +17,7 @@ from scarl_sionna.scenario.motion.recorded import Record, smooth_record
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 
-from .planned import Conversion, Ground, PlannedActor
+from ..planned import Conversion, Ground, PlannedActor
 
 if TYPE_CHECKING:
     from commonroad.scenario.obstacle import Obstacle
@@ -46,7 +46,7 @@ def read_commonroad(
     path : str or Path
         XML of the versions that commonroad-io reads (2018b, 2020a) [1]_.
     span, ground, models, offset
-        As for :func:`scarl_sionna.scenario.traffic.fcd.read_fcd`.
+        As for :func:`scarl_sionna.scenario.traffic.recorded.fcd.read_fcd`.
     types : mapping or None
         Actor models by CommonRoad's types; None, or a type that it lacks: `MODELS`.
 

@@ -1,0 +1,1 @@
+"""Traffic that others recorded, or planned, as actors: SUMO, ASAM OSI, CommonRoad, nuScenes."""
