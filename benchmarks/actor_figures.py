@@ -40,8 +40,8 @@ VIEWS = {
 }
 """Name -> azimuth from the model's +x to its left and elevation of the eye [deg]."""
 FOV_DEG = 24.0
-SPEEDS = {"vehicle": 0.0, "cycle": 4.0, "walk": 1.4, "stand": 0.0}
-"""By the kind of motion [m/s]."""
+SPEEDS = {"vehicle": 1e-3, "cycle": 4.0, "walk": 1.4, "stand": 0.0}
+"""By the kind of motion [m/s]; people sit in cars that move."""
 TIME = 0.35
 STUDIO = """<scene version="3.0.0"><bsdf type="twosided" id="asphalt"><bsdf type="principled">
 <rgb name="base_color" value="0.24 0.24 0.245"/><float name="roughness" value="0.9"/></bsdf></bsdf>

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from ..generators.geometry.mesh import Mesh, box, merge
-from ..generators.vehicles import car, car_light
-from ..generators.vehicles.car import CarShape
+from ..generators.vehicles.cars import detailed, light
+from ..generators.vehicles.cars.measures import WHEELS, CarShape, wheel_centre
 from ..generators.vehicles.number_plates import NumberPlates
 from ..generators.vehicles.vehicle_parts import bar, car_underbody
 from . import materials
 from .materials import ROLES, VEHICLE, Color
 from .model import Model, Part
+from .people import MATERIALS
 
 SHAPES: dict[str, CarShape] = {
     "small_car": CarShape(
@@ -48,6 +49,8 @@ SHAPES: dict[str, CarShape] = {
 }  # fmt: skip # a table
 """Measures; widths without mirrors."""
 
+OCCUPANTS = {"small_car": ("driver",), "saloon": ("driver",), "suv": ("driver", "beside")}
+"""The places that are taken, see `interior.seats`."""
 TITLES = {"small_car": "Small car", "saloon": "Saloon car", "suv": "Sport utility vehicle"}
 PAINTS: dict[str, dict[str, Color]] = {
     "small_car": {"yellow": (0.62, 0.36, 0.015), "red": (0.40, 0.014, 0.016), "white": (0.70, 0.70, 0.68),
@@ -76,19 +79,19 @@ def build(name: str) -> Model:
     """Return the model of a car."""
     shape = SHAPES[name]
     under = car_underbody(shape.front_axle, shape.rear_axle, shape.width, shape.length, shape.floor, shape.wheel_radius)
-    detailed = {
+    fine = {
         part: Part(replace(mesh, uv=None), ROLES[role], 50.0 if role == "paint" else 35.0)
-        for part, (mesh, role) in car.build(shape, turning_wheels=True, mirrors_apart=True).items()
+        for part, (mesh, role) in detailed.build(shape, True, True, OCCUPANTS[name]).items()
     }
     plates = NumberPlates(shape.length / 2, 0.475, shape.extra["plate_z"], 0.04, 3)
-    detailed |= {part: Part(mesh, ROLES[role]) for part, (mesh, role) in plates.parts().items()}
-    detailed["underbody"] = Part(merge(list(under.values())), "underbody_steel")
-    detailed |= _extras(shape, name, detailed)
-    light = {part: Part(mesh, ROLES[role], 40.0) for part, (mesh, role) in car_light.build(shape).items()}
-    light |= {part: Part(mesh, ROLES[role]) for part, (mesh, role) in plates.parts(fine=False).items()}
-    light["underbody"] = Part(under["floor"], "underbody_steel")
-    centres = {wheel: car.wheel_centre(shape, wheel) for wheel in car.WHEELS}
-    wheels = {wheel: [f"wheel_{wheel}_tyre", f"wheel_{wheel}_rim"] for wheel in car.WHEELS}
+    fine |= {part: Part(mesh, ROLES[role]) for part, (mesh, role) in plates.parts().items()}
+    fine["underbody"] = Part(merge(list(under.values())), "underbody_steel")
+    fine |= _extras(shape, name, fine)
+    coarse = {part: Part(mesh, ROLES[role], 40.0) for part, (mesh, role) in light.build(shape).items()}
+    coarse |= {part: Part(mesh, ROLES[role]) for part, (mesh, role) in plates.parts(fine=False).items()}
+    coarse["underbody"] = Part(under["floor"], "underbody_steel")
+    centres = {wheel: wheel_centre(shape, wheel) for wheel in WHEELS}
+    wheels = {wheel: [f"wheel_{wheel}_tyre", f"wheel_{wheel}_rim"] for wheel in WHEELS}
     head = {
         "name": name,
         "title": TITLES[name],
@@ -100,11 +103,12 @@ def build(name: str) -> Model:
         "wheelbase": shape.front_axle - shape.rear_axle,
         "rear_axle": shape.rear_axle,
         "ego_mount": shape.length <= 4.6,
+        "occupants": [part for part in fine if part.startswith("people_")],
     }
     default = next(iter(PAINTS[name].values()))
-    bsdfs = {"paint": materials.paint(default), **VEHICLE}
+    bsdfs = {"paint": materials.paint(default), **VEHICLE, **{key: MATERIALS[key] for key in ("top", "skin", "hair")}}
     variants = {variant: {"paint": color} for variant, color in PAINTS[name].items()}
-    return Model(head, detailed, light, bsdfs, variants, joints(centres, wheels))
+    return Model(head, fine, coarse, bsdfs, variants, joints(centres, wheels))
 
 
 def _extras(shape: CarShape, name: str, parts: dict[str, Part]) -> dict[str, Part]:

@@ -24,6 +24,14 @@ def paint(color: Color) -> Bsdf:
 
 
 VEHICLE: dict[str, Bsdf] = {
+    "window_glass": Bsdf(
+        "thindielectric",
+        "car_glass",
+        0.04,
+        "estimate, dust and scratches on clear glass",
+        color=(0.80, 0.83, 0.82),
+        floats={"int_ior": 1.52},
+    ),
     "car_glass": _bsdf(
         "car_glass",
         0.04,
@@ -31,6 +39,12 @@ VEHICLE: dict[str, Bsdf] = {
         "estimate, tinted glass: nearly all light is mirrored or absorbed",
         roughness=0.07,
         specular=0.6,
+    ),
+    "cabin_trim": _bsdf(
+        "plastic", 0.30, (0.055, 0.055, 0.058), "estimate, grained dark plastic", roughness=0.6, specular=0.4
+    ),
+    "seat_fabric": _bsdf(
+        "plastic", 0.45, (0.10, 0.10, 0.105), "estimate, dark fabric over foam", roughness=0.9, specular=0.2
     ),
     "black_plastic": _bsdf(
         "plastic", 0.08, (0.014, 0.014, 0.015), "estimate, black plastic", roughness=0.45, specular=0.5
@@ -88,11 +102,15 @@ VEHICLE: dict[str, Bsdf] = {
     ),
     "mirror_silver": _bsdf("metal", 0.30, (0.80, 0.81, 0.82), "estimate, silvered glass", roughness=0.05, metallic=1.0),
 }
-"""What all vehicles share, by BSDF id; the paint and what is special is added by each. Ids of BSDFs and shapes must
+"""What all vehicles share, by BSDF id. Panes are `window_glass`, which lets 0.74 of the light through once (UN
+Regulation 43 wants 0.70 of wind screens and front windows), where there is an inside to see, and `car_glass`, dark and
+opaque to the eye, where there is none; the paint and what is special is added by each. Ids of BSDFs and shapes must
 differ in a file."""
 
 ROLES = {
-    "paint": "paint", "glass": "car_glass", "trim": "black_plastic", "tyre": "tyre_rubber", "rim": "wheel_rim",
+    "paint": "paint", "glass": "car_glass", "pane": "window_glass", "interior": "cabin_trim", "seat": "seat_fabric",
+    "clothes": "top", "skin": "skin", "hair": "hair",
+    "trim": "black_plastic", "tyre": "tyre_rubber", "rim": "wheel_rim",
     "wheel": "wheel_mean",
     "headlamp": "headlamp", "taillamp": "taillamp", "chrome": "bright_metal", "plate": "number_plate",
     "plate_text": "plate_letters",

@@ -86,8 +86,8 @@ class Placement:
 
 def bsdf_xml(name: str, bsdf: Bsdf) -> str:
     """Return a ``<bsdf>`` element that is the same from both sides."""
-    slot = "reflectance" if bsdf.plugin == "diffuse" else "base_color"
-    is_thin = bsdf.plugin == "principledthin"  # light passes through: has both sides by itself
+    slot = {"diffuse": "reflectance", "thindielectric": "specular_transmittance"}.get(bsdf.plugin, "base_color")
+    is_thin = bsdf.plugin in ("principledthin", "thindielectric")  # light passes through: has both sides by itself
     if is_thin:
         lines = [f'\t<bsdf type="{bsdf.plugin}" id={quoteattr(name)}>']
     else:

@@ -13,8 +13,8 @@ from ..generators import kit
 from ..generators.kit import Writer
 from ..generators.scene_toml import ActorEntry, Instance, scene_toml
 from ..generators.surfaces.palette import PALETTE
-from ..generators.vehicles import car
-from ..generators.vehicles.car_shapes import CARS, ROLES
+from ..generators.vehicles.cars import detailed as car
+from ..generators.vehicles.cars.shapes import CARS, ROLES
 from ..generators.xml import Placement, scene_xml
 from ..packing import write_packed
 from . import images, roadside, static

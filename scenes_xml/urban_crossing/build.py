@@ -18,9 +18,9 @@ from ..generators.plants import vegetation
 from ..generators.roadside import furniture
 from ..generators.scene_toml import ActorEntry, Instance, scene_toml
 from ..generators.surfaces.palette import PALETTE
-from ..generators.vehicles import car
-from ..generators.vehicles.car_shapes import CARS as SHAPES
-from ..generators.vehicles.car_shapes import ROLES
+from ..generators.vehicles.cars import detailed as car
+from ..generators.vehicles.cars.shapes import CARS as SHAPES
+from ..generators.vehicles.cars.shapes import ROLES
 from ..generators.xml import Placement, scene_xml
 from ..packing import write_packed
 from . import images, static

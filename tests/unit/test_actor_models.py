@@ -17,7 +17,7 @@ from scarl_sionna.scene.materials.table import load_materials
 from scenes_xml import actor_path
 from scenes_xml.actors.build import MODELS, build
 from scenes_xml.actors.cars import SHAPES
-from scenes_xml.generators.vehicles import car
+from scenes_xml.generators.vehicles.cars import detailed
 from scenes_xml.generators.vehicles.number_plates import DIGITS, HEIGHT, LETTERS, SEGMENTS, WIDTH, NumberPlates
 
 NAMES = actor_names()
@@ -208,7 +208,7 @@ def test_files_are_what_the_script_writes(name, tmp_path):
 
 
 def test_mirrors_apart_leaves_the_rest_of_a_car_as_it_is():
-    whole, apart = (car.build(SHAPES["saloon"], mirrors_apart=value) for value in (False, True))
+    whole, apart = (detailed.build(SHAPES["saloon"], mirrors_apart=value) for value in (False, True))
     assert set(apart) == {*whole, "mirrors"}
     split = np.concatenate([apart["body"][0].vertices, apart["mirrors"][0].vertices])
     np.testing.assert_array_equal(split, whole["body"][0].vertices)

@@ -28,7 +28,7 @@ MOTIONS = ("vehicle", "cycle", "walk", "stand")
 
 _TABLES = {"actor", "variants", "materials", "joints", "bending"}
 _REQUIRED = {"name", "class", "motion", "length", "width", "height"}
-_KEYS = _REQUIRED | {"title", "license", "source", "wheelbase", "rear_axle", "ego_mount"}
+_KEYS = _REQUIRED | {"title", "license", "source", "wheelbase", "rear_axle", "ego_mount", "occupants"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,6 +69,8 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
         Distance of the axles and x of the rear one [m]; None for what has no axles.
     ego_mount : bool
         Whether it may carry a rig of sensors around it.
+    occupants : tuple of str
+        Shapes of people inside: not there while it is parked.
     """
 
     name: str
@@ -86,6 +88,7 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
     rear_axle: float | None = None
     ego_mount: bool = False
     title: str = ""
+    occupants: tuple[str, ...] = ()
     bending: Mapping[str, Any] | None = None
 
     def level(self, detail: str) -> ModelLevel:
@@ -205,6 +208,9 @@ def _read(file: Path, _changed: int) -> ActorModel:
         for shape in joint.get("shapes", ()):
             if shape not in shapes:
                 raise UnknownNameError(f"shape of joints[{number}] in {where}", str(shape), shapes)
+    occupants = tuple(str(shape) for shape in head.get("occupants", ()))
+    if unknown := sorted(set(occupants) - shapes):
+        raise UnknownNameError(f"shape of occupants in {where}", unknown[0], shapes)
     variants = {
         name: check_colors(colors, materials, f"variants.{name} in {where}")
         for name, colors in table.get("variants", {}).items()
@@ -221,6 +227,7 @@ def _read(file: Path, _changed: int) -> ActorModel:
         bending=table.get("bending"),
         ego_mount=bool(head.get("ego_mount", False)),
         title=str(head.get("title", "")),
+        occupants=occupants,
         length=_measure(head, "length", where),
         width=_measure(head, "width", where),
         height=_measure(head, "height", where),

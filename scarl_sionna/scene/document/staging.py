@@ -17,7 +17,7 @@ from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.scene.actors.model import DETAILS, ActorModel, Color, ModelLevel, check_colors, read_actor_model
 from scarl_sionna.scene.bodies.bending import bending_from_table
 from scarl_sionna.scene.motion.articulation import joints_from_tables, joints_on
-from scarl_sionna.scene.motion.trajectory import Trajectory
+from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
 from .analytic import kept_transform
 from .model import InstanceEntry, MaterialEntry, SceneDocument
@@ -108,7 +108,8 @@ def stage(document: SceneDocument, actors: Sequence[StagedActor], ego: str | Non
     Notes
     -----
     BSDFs that look alike and have the same radio and lidar properties are one, whichever model they come from: the
-    engine's cost of a ray grows with their number.
+    engine's cost of a ray grows with their number. Who sits in a vehicle that never moves (a `StaticTrajectory`) is
+    left out: it is parked.
     """
     root = ET.Element(document.root.tag, dict(document.root.attrib))
     root.extend(document.root)
@@ -159,9 +160,12 @@ class _Stager:
     def add(self, actor: StagedActor, path: Path) -> InstanceEntry:
         """Add an actor, and return its entry."""
         level = actor.model.level(actor.detail)
+        left_out = actor.model.occupants if isinstance(actor.trajectory, StaticTrajectory) else ()
         bsdfs = self._bsdfs(actor, level)
         members = {}
         for shape, element in level.shapes.items():
+            if shape in left_out:
+                continue
             name = members[shape] = f"{actor.name}_{shape}"
             if name in self._used:
                 raise SceneError(

@@ -96,6 +96,7 @@ class _ModelHead(Table):
     wheelbase: Number = 0.0
     rear_axle: Number = 0.0
     ego_mount: bool = False
+    occupants: list[str] = Field(default_factory=list)
 
 
 class _Bending(Table):

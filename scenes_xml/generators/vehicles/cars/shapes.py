@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .car import CarShape
+from .measures import CarShape
 
 CARS: dict[str, CarShape] = {
     "ego": CarShape(

@@ -1,4 +1,4 @@
-"""A car at a light level of geometry: the loft of `car` through few of its sections, closed wheels, flat lamps."""
+"""A car at a light level of geometry: the loft of `shell` through few of its sections, closed wheels, flat lamps."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from ..geometry.decal import panel
-from ..geometry.mesh import Array, Mesh, grid, merge, outward, revolve, weld
-from . import car
-from .car import CarShape
+from ...geometry.decal import panel
+from ...geometry.mesh import Array, Mesh, grid, merge, outward, revolve, weld
+from . import cabin as upper
+from . import shell as lower_body
+from .measures import WHEELS, CarShape
 
 _COLUMNS = (0, 2, 3, 4, 6, 8, 10, 12, 15, 17, 20)
-"""Points of half a cross-section that are kept, of the 21 of `car`."""
+"""Points of half a cross-section that are kept, of the 21 of `shell`."""
 _LEVELS = (0, 2, 4, 6, 8, 10, 12, 15)
 """Rings of the cabin that are kept: five of its walls, three of its roof."""
 
@@ -42,18 +43,18 @@ def shell(shape: CarShape) -> tuple[Mesh, Mesh]:
     insets = 0.12 * (1.0 - np.sqrt(1.0 - past**2))
     line = np.array(shape.deck)
     deck = PchipInterpolator(line[:, 0], line[:, 1])
-    rings = np.stack([car.shell_ring(shape, float(x), float(i), deck) for x, i in zip(xs, insets, strict=True)])
+    rings = np.stack([lower_body.shell_ring(shape, float(x), float(i), deck) for x, i in zip(xs, insets, strict=True)])
     total = rings.shape[1]
     half = list(_COLUMNS)
     rings = rings[:, half + [total - j for j in half[-2:0:-1]]]
     columns = rings.shape[1]
     column = np.repeat(np.tile(np.arange(columns), len(rings) - 1), 2)
-    parts = [grid(car.deform(shape, rings), close_columns=True)]
+    parts = [grid(lower_body.deform(shape, rings), close_columns=True)]
     black = [np.minimum(column, columns - 1 - column) < (4 if shape.cladding else 2)]
     for ring, flip in ((rings[0], False), (rings[-1], True)):
         centre = np.array([ring[0, 0], 0.0, 0.5 * (ring[:, 2].min() + ring[:, 2].max())])
         levels = [centre + (ring - centre) * share for share in (1.0, 0.55, 0.0)]
-        cap = grid(car.deform(shape, np.stack(levels)), close_columns=True)
+        cap = grid(lower_body.deform(shape, np.stack(levels)), close_columns=True)
         parts.append(cap if flip else cap.flipped())
         black.append(np.zeros(len(cap.faces), bool))
     whole, is_black = outward(merge(parts)), np.concatenate(black)
@@ -63,10 +64,10 @@ def shell(shape: CarShape) -> tuple[Mesh, Mesh]:
 
 def cabin(shape: CarShape) -> tuple[Mesh, Mesh]:
     """Return the painted and the glazed part of the cabin; pillars between panes count as glass."""
-    full, kind, half = car.cabin_points(shape)
+    full, kind, half = upper.cabin_points(shape)
     front, rear = [0, 2, 4], [half - 4, half - 2, half - 1]
     inner = [v for pair in shape.glazing for v in (pair[0], pair[1])]
-    breaks = car.cabin_breaks(shape)
+    breaks = upper.cabin_breaks(shape)
     side = [4 + int(np.argmin(np.abs(breaks - v))) for v in (inner[0], 0.5 * (inner[1] + inner[2]), inner[-1])]
     chosen = sorted({*front, *side, *rear})
     columns = chosen + [full.shape[1] - j for j in chosen[-2:0:-1]]
@@ -87,7 +88,7 @@ def cabin(shape: CarShape) -> tuple[Mesh, Mesh]:
 
 
 def build(shape: CarShape) -> dict[str, tuple[Mesh, str]]:
-    """Return the parts of a car at the light level: name -> (mesh, role); roles as in `car.build`, and ``wheel``."""
+    """Return the parts at the light level: name -> (mesh, role); roles as in `detailed.build`, and ``wheel``."""
     lower, dark = shell(shape)
     painted, glazed = cabin(shape)
     whole = merge([lower, dark, painted, glazed])
@@ -113,7 +114,7 @@ def build(shape: CarShape) -> dict[str, tuple[Mesh, str]]:
         "headlamps": (merge(heads), "headlamp"),
         "taillamps": (merge(tails), "taillamp"),
     }
-    for name, (is_front, is_left) in car.WHEELS.items():
+    for name, (is_front, is_left) in WHEELS.items():
         x = shape.front_axle if is_front else shape.rear_axle
         y = (shape.width / 2 - 0.022 - 0.105) * (1 if is_left else -1)
         parts[f"wheel_{name}_tyre"] = (light_wheel(shape.wheel_radius, 0.20, x, y), "wheel")
