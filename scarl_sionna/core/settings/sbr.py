@@ -135,8 +135,8 @@ class SbrSettings(Spec):
     )
     own_panes: bool = Field(
         False,
-        description="scene: whether a body is seen through panes of its own too: the inside of a car is an empty shell "
-        "in the meshes, which takes three times the time of the whole car (docs/sbr.md)",
+        description="scene: whether a body is seen through panes of its own too: the inside of a car takes "
+        "three to ten times the time of its outside (docs/sbr.md)",
     )
     sheet_share: float = Field(
         0.15,
