@@ -209,8 +209,8 @@ def _read(file: Path, _changed: int) -> ActorModel:
             if shape not in shapes:
                 raise UnknownNameError(f"shape of joints[{number}] in {where}", str(shape), shapes)
     occupants = tuple(str(shape) for shape in head.get("occupants", ()))
-    if unknown := sorted(set(occupants) - shapes):
-        raise UnknownNameError(f"shape of occupants in {where}", unknown[0], shapes)
+    if absent := sorted(set(occupants) - shapes):
+        raise UnknownNameError(f"shape of occupants in {where}", absent[0], shapes)
     variants = {
         name: check_colors(colors, materials, f"variants.{name} in {where}")
         for name, colors in table.get("variants", {}).items()
