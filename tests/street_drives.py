@@ -18,11 +18,13 @@ def longest_route(network: LaneNetwork) -> list[str]:
     return max(found, key=lambda route: sum(network[name].length for name in route))
 
 
-def drive(scene: str, route: list[str], duration: float, speed: float, *actors: dict) -> ss.ScenarioSpec:
-    """Return a scenario in which the ego follows a route."""
+def drive(
+    scene: str, route: list[str], duration: float, speed: float, *actors: dict, variant: int = 0
+) -> ss.ScenarioSpec:
+    """Return a scenario in which the ego follows a route; `variant` is the seed of a map's surroundings."""
     motion = {"kind": "route", "lanes": route, "start": 6.0, "speed": speed}
     return ss.ScenarioSpec(
-        scene=scene, duration=duration, frame_rate=1.0, ego={"trajectory": motion}, actors=list(actors)
+        scene=scene, variant=variant, duration=duration, frame_rate=1.0, ego={"trajectory": motion}, actors=list(actors)
     )
 
 

@@ -28,13 +28,19 @@ def scene(
     preview: Annotated[bool, typer.Option("--preview", help="Write a picture from above.")] = False,
     out: Annotated[Path | None, typer.Option(help="File of the picture (default: <name>.png).")] = None,
     detail: Annotated[str, typer.Option(help="detailed or light.")] = "detailed",
+    variant: Annotated[
+        int,
+        typer.Option(
+            help="0: the scene, or what the map states. Else the seed of another, or of a map's surroundings."
+        ),
+    ] = 0,
 ) -> None:
     """Print what a scene holds, and what of a map's file is not used, by line."""
     with reported(context, "nothing was written"):
         from scarl_sionna.engine.load import load_scene  # takes seconds
 
         with collected_warnings():
-            world = load_scene(name, detail=detail)
+            world = load_scene(name, variant=variant, detail=detail)
         typer.echo(repr(world))
         findings = world.document.info.get("findings", [])
         for finding in findings:

@@ -33,7 +33,8 @@ def load_scene(
         Radio materials; default: the built-in table. See :func:`scarl_sionna.scene.materials.table.load_materials`.
     variant : int
         Of a scene of ``scenes_xml``: 0 is the one of the package, any other number the seed of another place of its
-        kind, which is built on first use into a cache folder.
+        kind, which is built on first use into a cache folder. Of a map: 0 is what its file states, any other number the
+        seed of kerbs, verges, street furniture, trees and houses beside its roads where it states none.
     detail : str
         Level of geometry: ``"detailed"`` or ``"light"`` (few shapes and triangles). It goes for actors that name a
         model, too; of a scene given by its path only for those.
@@ -51,7 +52,7 @@ def load_scene(
     MapError
         If a map is broken; it names the line.
     ParameterRangeError
-        If the variant is not allowed, or not 0 for a scene that has none.
+        If the variant is not allowed, or not 0 for a scene that has none (a user's XML, one of Sionna RT).
 
     Warns
     -----

@@ -147,9 +147,9 @@ def scene_of(spec: ScenarioSpec) -> SceneDocument:
         except SceneError as error:
             raise ScenarioFileError(str(error), spec.place("scene"), value=text) from error
         return read_document(path, spec.detail)
-    if spec.variant != 0:
+    if spec.variant != 0 and not text.endswith(MAP_SUFFIXES):
         raise ScenarioValueError(
-            f"= {spec.variant}, but '{text}' is no scene that the package builds: it has no variants",
+            f"= {spec.variant}, but '{text}' is neither a scene that the package builds nor a map: it has no variants",
             spec.place("variant"),
             "leave it out",
             value=spec.variant,
@@ -163,7 +163,7 @@ def scene_of(spec: ScenarioSpec) -> SceneDocument:
             value=text,
         )
     try:
-        found = find_scene(spec.find(text) if is_path else text, detail=spec.detail)
+        found = find_scene(spec.find(text) if is_path else text, spec.variant, spec.detail)
     except UnknownNameError as error:
         raise name_error(error, spec.place("scene")) from error
     return read_document(found, spec.detail)

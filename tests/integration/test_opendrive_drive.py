@@ -14,6 +14,7 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import MapWarning
+from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.fusion import Rig, SensorMount
@@ -28,7 +29,8 @@ FOLDER = os.environ.get("SCARL_STREET_MAPS")
 OTHERS = sorted(f for f in Path(FOLDER).rglob("*") if f.name.endswith(MAP_SUFFIXES)) if FOLDER else []
 
 
-def test_a_car_turns_at_a_crossing_behind_another_and_sensors_see_it(tmp_path):
+@pytest.mark.parametrize("variant", [0, 2])
+def test_a_car_turns_at_a_crossing_behind_another_and_sensors_see_it(tmp_path, variant):
     file = tmp_path / "crossing.xodr"
     file.write_text(maps.MAPS["crossing"])
     route = ["2/0/1", "121/0/-1", "1/0/-1"]  # from the west, to the left
@@ -37,7 +39,7 @@ def test_a_car_turns_at_a_crossing_behind_another_and_sensors_see_it(tmp_path):
         "model": "suv",
         "trajectory": {"kind": "route", "lanes": route, "start": 25.0, "speed": 6.0},
     }
-    world = load_world(drive(str(file), route, 18.0, 6.0, other))
+    world = load_world(drive(str(file), route, 18.0, 6.0, other, variant=variant))
     headings = [world.at(t).actor_pose("ego").yaw for t in (0.0, 17.0)]
     turn = np.degrees(headings[1] - headings[0])
     assert (turn + 180.0) % 360.0 - 180.0 == pytest.approx(90.0, abs=1.0)
@@ -65,6 +67,8 @@ def test_a_car_turns_at_a_crossing_behind_another_and_sensors_see_it(tmp_path):
     ahead = (ranges > 5.0) & (ranges < 30.0)
     assert ranges[ahead][profile[ahead].argmax()] == pytest.approx(near, abs=1.5)
     assert len(np.unique(image.semantic)) >= 4 and np.isfinite(image.depth[60:]).all()
+    built = float(np.mean(image.semantic == semantic_id("Building")))
+    assert built == 0.0 if variant == 0 else built > 0.05
 
 
 @pytest.mark.skipif(not OTHERS, reason="SCARL_STREET_MAPS names no folder with maps")

@@ -52,7 +52,7 @@ class ScenarioSpec(Spec):
     """
 
     scene: str = Field("highway_guardrail", min_length=1, description="scene name or path of an XML file")
-    variant: int = Field(0, ge=0, description="seed of the scene's own builder")
+    variant: int = Field(0, ge=0, description="seed of the scene's own builder, or of a map's surroundings")
     detail: Literal["light", "detailed"] = Field("detailed", description="level of geometry")
     rig: str = Field("front", min_length=1, description="rig name or path of a rig file (.yaml, .json)")
     quality: Literal["draft", "full"] = Field("draft", description="effort of a named rig")

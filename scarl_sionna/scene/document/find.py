@@ -37,15 +37,15 @@ def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detail
     if not isinstance(variant, int) or isinstance(variant, bool) or variant < 0:
         raise ParameterRangeError("variant", repr(variant), "whole numbers from 0")
     path = _file_of(name_or_path)
+    if path is not None and path.name.endswith(MAP_SUFFIXES):
+        from scarl_sionna.scene.streets.cached import map_scene  # takes a while, and few need it
+
+        return map_scene(path, detail, variant)
     if path is not None or name not in scene_names():
         if variant != 0:
             raise ParameterRangeError(
-                "variant", variant, f"0: '{name}' is no scene of this package and has no variants"
+                "variant", variant, f"0: '{name}' is neither a scene of this package nor a map and has no variants"
             )
-        if path is not None and path.name.endswith(MAP_SUFFIXES):
-            from scarl_sionna.scene.streets.cached import map_scene  # takes a while, and few need it
-
-            return map_scene(path, detail)
         return path if path is not None else _sionna_file(name)
     try:
         return scenes_xml.scene_path(name, variant, detail)

@@ -30,7 +30,7 @@ READERS: dict[str, Callable[[Path], StreetMap]] = {
 """How a map is read, by the end of its name."""
 
 
-def map_scene(path: Path, detail: str = "detailed") -> Path:
+def map_scene(path: Path, detail: str = "detailed", variant: int = 0) -> Path:
     """Return the XML of a map's scene, built into the cache folder unless it is there.
 
     Parameters
@@ -39,6 +39,8 @@ def map_scene(path: Path, detail: str = "detailed") -> Path:
         An OpenDRIVE file (``.xodr``), an extract of OpenStreetMap (``.osm``) or a network of SUMO (``.net.xml``).
     detail : str
         ``detailed`` or ``light``.
+    variant : int
+        0: what the map states. Any other number is the seed of what stands beside its streets where it states nothing.
 
     Raises
     ------
@@ -61,9 +63,9 @@ def map_scene(path: Path, detail: str = "detailed") -> Path:
     try:
         folder = kept_folder(
             "maps",
-            f"{detail}-{key}",
+            f"{detail}-v{variant}-{key}",
             [f"{name}.xml", "scene.toml"],
-            lambda place: build_scene(READERS[ending](path), place, detail),
+            lambda place: build_scene(READERS[ending](path), place, detail, variant),
         )
     except OSError as error:
         if isinstance(error, MapError):

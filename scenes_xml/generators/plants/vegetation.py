@@ -68,6 +68,16 @@ def _cards(centres: Array, normals: Array, outward: Array, sizes: Array, generat
     return Mesh(corners.reshape(-1, 3).round(5), faces, np.repeat(tone, 4, axis=0), np.repeat(shading, 4, axis=0))
 
 
+@dataclass(frozen=True, eq=False)
+class Crown:
+    """Blobs of a crown: `centres` and `radii`, shape (n, 3) each, in a hull about `middle` with `extent` (3,) [m]."""
+
+    centres: Array
+    radii: Array
+    middle: Array
+    extent: Array
+
+
 def tree(shape: TreeShape, seed: int) -> dict[str, Mesh]:
     """Return ``trunk``, ``core`` (inside of the crown) and ``leaves`` of a broad-leaved tree, foot at the origin."""
     generator = np.random.default_rng(seed)
@@ -81,22 +91,34 @@ def tree(shape: TreeShape, seed: int) -> dict[str, Mesh]:
         generator.uniform(0.30, 0.44, shape.blobs)[:, None] * extent * generator.uniform(0.85, 1.1, (shape.blobs, 3))
     )
     core = merge([blob(c, 0.80 * r, seed * 101 + i) for i, (c, r) in enumerate(zip(centres, radii, strict=True))])
-    which = generator.integers(0, shape.blobs, 3 * shape.leaves)
-    around = _unit(generator.standard_normal((3 * shape.leaves, 3)))
+    leaves = foliage(Crown(centres, radii, middle, extent), shape.leaves, shape.leaf_size, generator)
+    return {"trunk": trunk(shape, centres, generator), "core": core, "leaves": leaves}
+
+
+def foliage(crown: Crown, count: int, size: float, generator: np.random.Generator, droop: float = 0.0) -> Mesh:
+    """Return at most `count` leaf cards of `size` [m] over a crown; they hang up to `droop` [m] below their places."""
+    centres, radii = crown.centres, crown.radii
+    which = generator.integers(0, len(centres), 3 * count)
+    around = _unit(generator.standard_normal((3 * count, 3)))
     points = centres[which] + around * radii[which] * generator.uniform(0.82, 1.10, (len(which), 1))
     depth = np.min(
-        np.linalg.norm((points[:, None] - centres) / radii, axis=2) + 10.0 * (np.arange(shape.blobs) == which[:, None]),
+        np.linalg.norm((points[:, None] - centres) / radii, axis=2)
+        + 10.0 * (np.arange(len(centres)) == which[:, None]),
         axis=1,
     )
-    outer = np.flatnonzero(depth > 0.85)[: shape.leaves]  # leaves inside another blob cannot be seen
+    outer = np.flatnonzero(depth > 0.85)[:count]  # leaves inside another blob cannot be seen
     normals = _unit(around[outer] + 0.55 * generator.standard_normal((len(outer), 3)))
     normals *= np.sign(np.einsum("ij,ij->i", normals, around[outer]))[:, None]
-    sizes = shape.leaf_size * generator.uniform(0.6, 1.3, len(outer))
-    leaves = _cards(points[outer], normals, _unit((points[outer] - middle) / extent), sizes, generator)
-    return {"trunk": _trunk(shape, centres, generator), "core": core, "leaves": leaves}
+    sizes = size * generator.uniform(0.6, 1.3, len(outer))
+    places = points[outer]
+    outward = _unit((places - crown.middle) / crown.extent)
+    if droop > 0.0:
+        places = places - np.array([0.0, 0.0, droop]) * generator.uniform(0.0, 1.0, (len(outer), 1)) ** 1.5
+    return _cards(places, normals, outward, sizes, generator)
 
 
-def _trunk(shape: TreeShape, centres: Array, generator: np.random.Generator) -> Mesh:
+def trunk(shape: TreeShape, centres: Array, generator: np.random.Generator) -> Mesh:
+    """Return the stem of a tree, with branches to the first of its blobs' `centres`, shape (n, 3) [m]."""
     z = np.array(
         [-0.3, 0.0, 0.25, 0.8, 1.6, shape.crown_base, shape.crown_base + 0.45 * (shape.height - shape.crown_base)]
     )

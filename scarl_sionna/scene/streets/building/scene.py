@@ -22,6 +22,8 @@ from ..geometry.decks import with_decks
 from ..geometry.road import RoadShape
 from ..model import Array, Finding, MapObject, StreetMap
 from ..network.lanes import street_lanes
+from ..surroundings.add import surroundings
+from ..surroundings.lanes import with_kerbs
 from . import structures
 from .areas import paved_areas
 from .buildings import building_meshes, building_plan
@@ -49,7 +51,7 @@ def scene_name(stem: str) -> str:
     return re.sub(r"[^A-Za-z0-9_\-]", "_", stem) or "map"
 
 
-def build_scene(street: StreetMap, folder: Path, detail: str = "detailed") -> None:
+def build_scene(street: StreetMap, folder: Path, detail: str = "detailed", variant: int = 0) -> None:
     """Write a map's scene into a folder.
 
     Parameters
@@ -60,7 +62,12 @@ def build_scene(street: StreetMap, folder: Path, detail: str = "detailed") -> No
         `textures`.
     detail : str
         ``detailed`` or ``light``.
+    variant : int
+        0: what the map states. Any other number is the seed of kerbs, verges, furniture, trees and houses where it
+        states none.
     """
+    if variant:
+        street = with_kerbs(street)
     street, shift = centred(street)
     shapes = {name: RoadShape(road) for name, road in street.roads.items()}
     findings = list(street.findings)
@@ -80,6 +87,12 @@ def build_scene(street: StreetMap, folder: Path, detail: str = "detailed") -> No
     network, lights, problems = street_lanes(street, shapes)
     findings += problems
     add_signals(kit, street, shapes, lights, findings)
+    if variant:
+        beside: defaultdict[tuple[str, str, int, int], list[Mesh]] = defaultdict(list)
+        for (semantic, material), meshes in surroundings(kit, street, shapes, pieces, height, variant).rows.items():
+            for mesh in meshes:
+                beside[(semantic, material, *_block(mesh))].append(mesh)
+        _add_blocks(kit, beside, "beside_")
     kit.parking += parking
     kit.lanes += [_entry(network, name) for name in (lane.name for lane in network.lanes)]
     if network.signals is not None:
@@ -90,6 +103,7 @@ def build_scene(street: StreetMap, folder: Path, detail: str = "detailed") -> No
         "title": street.name,
         "source": street.source,
         "detail": detail,
+        "variant": variant,
         "shift": [float(value) for value in shift],
         "findings": _distinct(findings),
     }
@@ -176,15 +190,15 @@ def _block(mesh: Mesh) -> tuple[int, int]:
     return int(np.floor(middle[0] / BLOCK)), int(np.floor(middle[1] / BLOCK))
 
 
-def _add_blocks(kit: SceneKit, parts: dict[tuple[str, str, int, int], list[Mesh]]) -> None:
+def _add_blocks(kit: SceneKit, parts: dict[tuple[str, str, int, int], list[Mesh]], prefix: str = "") -> None:
     """Add meshes by class, material and block of the map; each class of a block is an instance."""
     shapes: defaultdict[tuple[str, int, int], list[str]] = defaultdict(list)
     for (semantic, material, i, j), meshes in sorted(parts.items()):
-        name = re.sub(r"[^a-z0-9_]", "", f"{semantic.lower()}_{material}_{i}_{j}".replace("-", "m"))
+        name = re.sub(r"[^a-z0-9_]", "", f"{prefix}{semantic.lower()}_{material}_{i}_{j}".replace("-", "m"))
         kit.add(name, merge(meshes), material, 25.0)
         shapes[semantic, i, j].append(name)
     for (semantic, i, j), names in shapes.items():
-        kit.instance(f"{semantic.lower()}_{i}_{j}", semantic, names)
+        kit.instance(f"{prefix}{semantic.lower()}_{i}_{j}", semantic, names)
 
 
 def _add_marks(kit: SceneKit, street: StreetMap, shapes: dict[str, RoadShape], findings: list[Finding]) -> None:

@@ -31,7 +31,8 @@ _SIGNS = {
     "293": ("square", "sign_crossing"), "222": ("round", "sign_keep_right"), "103": ("triangle", "sign_bend"),
 }  # fmt: skip # a table
 """Number of a sign in the German catalogue -> its form and face."""
-_SPEED = ("274", "274.1", "speedLimit", "maximumSpeed")
+SPEED = ("274", "274.1", "speedLimit", "maximumSpeed")
+"""Types of signs that limit the speed."""
 
 
 def add_signals(
@@ -95,13 +96,17 @@ class _Stand:
 def _face(kit: SceneKit, signal: MapSignal) -> tuple[str, str]:
     """Return form and material of a sign; the material is empty where no picture is known."""
     value = signal.value if signal.value is not None else _number(signal.subkind)
-    if signal.kind in _SPEED and value is not None and 0.0 < value < 200.0:
-        text = f"{value:.0f}"
-        name = f"sign_limit_{text}"
-        kit.materials.setdefault(name, replace(kit.materials["sign_50"], texture=f"{name}.png"))
-        kit.textures.setdefault(f"{name}.png", partial(_limit_sign, text))
-        return "round", name
+    if signal.kind in SPEED and value is not None and 0.0 < value < 200.0:
+        return "round", limit_face(kit, f"{value:.0f}")
     return _SIGNS.get(signal.kind, ("square", ""))
+
+
+def limit_face(kit: SceneKit, text: str) -> str:
+    """Return the material of a limit of speed with a text, which is drawn where it is the first."""
+    name = f"sign_limit_{text}"
+    kit.materials.setdefault(name, replace(kit.materials["sign_50"], texture=f"{name}.png"))
+    kit.textures.setdefault(f"{name}.png", partial(_limit_sign, text))
+    return name
 
 
 def _limit_sign(text: str, seed: int) -> Image.Image:

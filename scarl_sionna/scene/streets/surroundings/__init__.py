@@ -1,0 +1,1 @@
+"""What stands beside a street where its file says nothing of it, by seed: kerbs, verges, furniture, trees, houses."""
