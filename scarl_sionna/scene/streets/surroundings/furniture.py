@@ -12,7 +12,7 @@ from ..building.signs import limit_face
 from ..model import Array
 from .room import disc, rectangle
 from .sides import Side
-from .site import Site
+from .site import Site, Stand
 
 _LAMPS, _LAMP_AWAY, _SIGN_AWAY = 30.0, 0.55, 0.75
 _WIDE = 1.8
@@ -56,8 +56,7 @@ def add_lamps(site: Site) -> None:
                 "street_lamp" if small else "lamp_post",
                 lambda small=small: _lamp(site.kit, small),  # type: ignore[misc]
                 "Pole",
-                where,
-                side.yaw(place) + 0.5 * np.pi,
+                Stand(where, side.yaw(place) + 0.5 * np.pi),
             )
 
 
@@ -81,7 +80,7 @@ def add_limits(site: Site) -> None:
         if not side.is_open[place] or not site.room.taken(disc(where, 0.36), on_walk):
             continue
         ahead = float(np.arctan2(*side.along(place)[::-1])) + (0.0 if side.runs_forward else np.pi)
-        site.put(f"limit_{text}", lambda text=text: _limit(site.kit, text), "TrafficSign", where, ahead)  # type: ignore[misc]
+        site.put(f"limit_{text}", lambda text=text: _limit(site.kit, text), "TrafficSign", Stand(where, ahead))  # type: ignore[misc]
 
 
 def _limit(kit: SceneKit, text: str) -> Prefab:
@@ -103,10 +102,10 @@ def add_bus_stops(site: Site) -> None:
             plan = rectangle(foot, yaw, (-2.4, 2.4), (-1.8, 0.25))
             if side.is_open[place] and site.room.taken(plan, width >= 3.6):
                 where = np.array([*foot, side.walk[place, 2]]) if width >= 3.6 else site.on_ground(foot)
-                site.put("shelter", lambda: _shelter(site.kit), "Static", where, yaw)
+                site.put("shelter", lambda: _shelter(site.kit), "Static", Stand(where, yaw))
                 post, on_walk = _by_the_kerb(site, side, min(place + 4, len(side.s) - 1), _SIGN_AWAY)
                 if site.room.taken(disc(post, 0.3), on_walk):
-                    site.put("stop_post", lambda: _post(site.kit), "TrafficSign", post, yaw)
+                    site.put("stop_post", lambda: _post(site.kit), "TrafficSign", Stand(post, yaw))
                 way += float(generator.uniform(*_STOPS))
             else:
                 way += 10.0
@@ -138,13 +137,14 @@ def add_small_things(site: Site) -> None:
                 foot = np.array([*(side.walk[place, :2] - 0.45 * side.out[place]), side.walk[place, 2]])
                 kind, half = ("bench", 1.0) if chance < 0.25 else ("litter_bin", 0.3)
                 if site.room.taken(rectangle(foot, yaw, (-half, half), (-0.3, 0.3)), on_walk=True):
-                    site.put(kind, lambda kind=kind: _small(site.kit, kind), "Static", foot, yaw)  # type: ignore[misc]
+                    site.put(kind, lambda kind=kind: _small(site.kit, kind), "Static", Stand(foot, yaw))  # type: ignore[misc]
             elif chance > 0.7:
                 foot = side.front[place, :2] + 0.5 * side.out[place]
                 if site.room.taken(disc(foot, 0.45)):
                     make = lambda: _small(site.kit, "waste_bin")  # noqa: E731
                     colors = {"tub": color, "lid": color}
-                    site.put("waste_bin", make, "Static", site.on_ground(foot), side.yaw(place), materials=colors)
+                    stand = Stand(site.on_ground(foot), side.yaw(place), 1.0, colors)
+                    site.put("waste_bin", make, "Static", stand)
 
 
 def _small(kit: SceneKit, kind: str) -> Prefab:

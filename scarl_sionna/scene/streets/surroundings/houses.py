@@ -17,7 +17,7 @@ from scenes_xml.generators.roadside import garden
 from ..model import Array
 from .room import rectangle
 from .sides import Side
-from .site import Site
+from .site import Site, Stand
 
 _BLOCKS, _HOUSES = 6, 7
 _FACADES = ("facade_white", "facade_cream", "facade_rose", "facade_grey", "facade_brick", "facade_stone")
@@ -120,7 +120,7 @@ def _add(site: Site, side: Side, middle: int, building: _Building, back: float, 
     where = np.array([*foot, float(z.max()) + 0.02])
     is_brick = isinstance(building.plan, HousePlan) and building.plan.bsdfs["walls"] == "wall_brick"
     material = {} if is_brick else {"walls": walls}  # bricks have a tile of their own
-    site.put(building.kind, lambda: _prefab(site.kit, building), "Building", where, yaw, materials=material)
+    site.put(building.kind, lambda: _prefab(site.kit, building), "Building", Stand(where, yaw, 1.0, material))
     return True
 
 

@@ -15,7 +15,7 @@ from scenes_xml.generators.roadside import furniture, rural
 from ..model import Array
 from .room import disc
 from .sides import STEP, Side
-from .site import Site
+from .site import Site, Stand
 
 _RAIL = 0.75
 """Distance of a guardrail's back from the edge of the carriageway [m]."""
@@ -108,8 +108,7 @@ def add_delineators(site: Site) -> None:
                 "delineator",
                 lambda: site.kit.prefab("beside_delineator", furniture.delineator(), bsdfs),
                 "Pole",
-                site.on_ground(foot),
-                float(yaw),
+                Stand(site.on_ground(foot), float(yaw)),
             )
 
 
@@ -142,8 +141,7 @@ def add_power_lines(site: Site) -> None:
                         "beside_power_pole", site.kit.slim(rural.power_pole(), "arm", "pole"), bsdfs
                     ),
                     "Pole",
-                    run[-1][0],
-                    ahead,
+                    Stand(run[-1][0], ahead),
                 )
             else:
                 _add_wires(site, run)

@@ -17,6 +17,16 @@ from .room import Room
 from .sides import Side
 
 
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """How a thing stands: its foot (3,) [m], heading [rad], size, and materials of parts in place of their own."""
+
+    foot: Array
+    yaw: float
+    scale: float = 1.0
+    materials: Mapping[str, str] = field(default_factory=dict)
+
+
 @dataclass(eq=False)
 class Site:
     """A scene that gets surroundings.
@@ -61,22 +71,11 @@ class Site:
         found = np.column_stack([flat, self.ground(flat)])
         return found[0] if np.ndim(place) == 1 else found
 
-    def put(
-        self,
-        kind: str,
-        make: Callable[[], Prefab],
-        semantic: str,
-        where: Array,
-        yaw: float,
-        scale: float = 1.0,
-        materials: Mapping[str, str] | None = None,
-    ) -> None:
+    def put(self, kind: str, make: Callable[[], Prefab], semantic: str, stand: Stand) -> None:
         """Place a copy of a thing, which is made where it is the first of its kind."""
         if kind not in self._ready:
             self._ready[kind] = make()
-        number = self._count[kind]
+        name, thing = f"beside_{kind}_{self._count[kind]}", self._ready[kind]
         self._count[kind] += 1
-        name = f"beside_{kind}_{number}"
-        self.kit.place(
-            self._ready[kind], name, semantic, where, float(np.degrees(yaw)), scale, True, None, **(materials or {})
-        )
+        yaw = float(np.degrees(stand.yaw))
+        self.kit.place(thing, name, semantic, stand.foot, yaw, stand.scale, True, None, **stand.materials)

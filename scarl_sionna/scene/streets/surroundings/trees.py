@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from scenes_xml.generators.kit import Prefab, SceneKit
@@ -9,7 +11,7 @@ from scenes_xml.generators.plants import planting, species
 
 from ..model import Array
 from .room import disc
-from .site import Site
+from .site import Site, Stand
 
 _TOWN_STEP, _COUNTRY_STEP, _FAR = 11.0, 9.0, 34.0
 _STEM = 0.45
@@ -17,6 +19,26 @@ _SEEN = 20.0
 """Trees farther behind the front have few triangles [m]."""
 _EACH = 2
 """How many trees of a kind differ."""
+
+
+@dataclass(frozen=True)
+class _Tree:
+    """A tree: its kind, which of the kind, its turn [rad], size and level."""
+
+    kind: str
+    which: int
+    turn: float
+    scale: float
+    detail: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.kind}_{self.which}_{self.detail}"
+
+    @property
+    def reach(self) -> float:
+        """How far its crown reaches [m]."""
+        return species.KINDS[self.kind].reach * self.scale
 
 
 def add_trees(site: Site) -> None:
@@ -37,37 +59,31 @@ def add_trees(site: Site) -> None:
             reach = species.KINDS[kind].reach * scale
             away = nearest + reach + (share * 3.0 if is_town else share**2 * (_FAR - reach - nearest))
             foot = side.front[place, :2] + away * side.out[place]
-            detail = "light" if away > _SEEN else site.kit.detail
-            if _plant(site, kind, which, foot, turn, scale, detail) and not is_town and chance < 0.12:
+            tree = _Tree(kind, which, turn, scale, "light" if away > _SEEN else site.kit.detail)
+            if _plant(site, tree, foot) and not is_town and chance < 0.12:
                 for k, shift in enumerate(group):
-                    _plant(site, kind, (which + k) % _EACH, foot + 3.5 * reach * shift, turn + k, 0.85 * scale, detail)
+                    other = replace(tree, which=(which + k) % _EACH, turn=turn + k, scale=0.85 * scale)
+                    _plant(site, other, foot + 3.5 * reach * shift)
             elif chance > 0.6:
                 _bush(site, side.front[place, :2] + (0.9 + 3.0 * share) * side.out[place], turn, scale)
 
 
-def _plant(site: Site, kind: str, which: int, foot: Array, turn: float, scale: float, detail: str) -> bool:
+def _plant(site: Site, tree: _Tree, foot: Array) -> bool:
     """Add a tree unless its stem or its crown has no room."""
-    crown = disc(foot, species.KINDS[kind].reach * scale)
-    if not site.room.is_off_roads(crown) or not site.room.is_free(disc(foot, 0.55 * species.KINDS[kind].reach * scale)):
+    if not site.room.is_off_roads(disc(foot, tree.reach)) or not site.room.is_free(disc(foot, 0.55 * tree.reach)):
         return False
     site.room.take(disc(foot, _STEM + 0.5))
-    site.put(
-        f"tree_{kind}_{which}_{detail}",
-        lambda: _tree(site.kit, kind, which, detail),
-        "Vegetation",
-        site.on_ground(foot) - [0.0, 0.0, 0.05],
-        turn,
-        scale,
-    )
+    stand = Stand(site.on_ground(foot) - [0.0, 0.0, 0.05], tree.turn, tree.scale)
+    site.put(f"tree_{tree.name}", lambda: _grown(site.kit, tree), "Vegetation", stand)
     return True
 
 
-def _tree(kit: SceneKit, kind: str, which: int, detail: str) -> Prefab:
-    parts, bsdfs = species.tree(kind, which, detail == "light")
-    return kit.prefab(f"beside_tree_{kind}_{which}_{detail}", parts, bsdfs, 60.0)
+def _grown(kit: SceneKit, tree: _Tree) -> Prefab:
+    parts, bsdfs = species.tree(tree.kind, tree.which, tree.detail == "light")
+    return kit.prefab(f"beside_tree_{tree.name}", parts, bsdfs, 60.0)
 
 
 def _bush(site: Site, foot: Array, turn: float, scale: float) -> None:
     if site.room.taken(disc(foot, 0.85 * scale)):
         make = lambda: site.kit.prefab("beside_bush", {"bush": planting.shrub(0.7, 0.9, 5)}, {"bush": "hedge"}, 70.0)  # noqa: E731
-        site.put("bush", make, "Vegetation", site.on_ground(foot), turn, scale)
+        site.put("bush", make, "Vegetation", Stand(site.on_ground(foot), turn, scale))
