@@ -14,6 +14,7 @@ import hashlib
 import importlib
 from functools import lru_cache
 from pathlib import Path
+from types import ModuleType
 
 from . import packing
 from .cache import cache_folder, kept_folder
@@ -21,7 +22,7 @@ from .cache import cache_folder, kept_folder
 _ROOT = Path(__file__).resolve().parent
 _DETAILS = ("detailed", "light")
 
-__all__ = ["actor_names", "actor_path", "cache_folder", "scene_names", "scene_path", "source_hash"]
+__all__ = ["actor_names", "actor_path", "cache_folder", "person_names", "scene_names", "scene_path", "source_hash"]
 
 
 def scene_names() -> tuple[str, ...]:
@@ -32,8 +33,20 @@ def scene_names() -> tuple[str, ...]:
 
 
 def actor_names() -> tuple[str, ...]:
-    """Return the names of the actor models in this package, sorted: folders of ``actors`` with an ``actor.toml``."""
-    return tuple(sorted(p.parent.name for p in _ROOT.glob("actors/*/actor.toml")))
+    """Return the names of the actor models in this package, sorted.
+
+    Folders of ``actors`` with an ``actor.toml``, and the people of ``actors/bodies``, who share one packed file.
+    """
+    return tuple(sorted([*(p.parent.name for p in _ROOT.glob("actors/*/actor.toml")), *person_names()]))
+
+
+def person_names() -> tuple[str, ...]:
+    """Return the names of the people of all ages, by age."""
+    return _people().names()  # type: ignore[no-any-return]
+
+
+def _people() -> ModuleType:
+    return importlib.import_module("scenes_xml.actors.bodies.family")
 
 
 def scene_path(name: str, variant: int = 0, detail: str = "detailed") -> Path:
@@ -112,6 +125,8 @@ def actor_path(name: str) -> Path:
     """
     if name not in actor_names():
         raise KeyError(f"no actor model {name!r} in scenes_xml; choose one of {', '.join(actor_names())}")
+    if name in person_names():
+        return _person_path(name)
     source = _ROOT / "actors" / name
     files = [f"{name}/{file}" for file in ("actor.toml", f"{name}.xml", f"{name}_light.xml", *_packed_files(source))]
 
@@ -120,6 +135,16 @@ def actor_path(name: str) -> Path:
         packing.unpack_into(source, place / name)
 
     return kept_folder("models", f"{name}-{packing.content_key(source)}", files, fill) / name / "actor.toml"
+
+
+def _person_path(name: str) -> Path:
+    """Return the path of a person's ``actor.toml``; the model is made of the shared file."""
+
+    def fill(place: Path) -> None:
+        _people().build(name, place / name)
+
+    files = [f"{name}/{file}" for file in ("actor.toml", f"{name}.xml", f"{name}_light.xml")]
+    return kept_folder("models", f"{name}-{_people().key()}", files, fill) / name / "actor.toml"
 
 
 def _packed_files(source: Path) -> tuple[str, ...]:

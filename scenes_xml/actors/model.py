@@ -79,7 +79,9 @@ def _write_part(folder: Path, shape: str, part: Part, suffix: str) -> Placement:
 
 
 def _toml(model: Model, bsdfs: Mapping[str, Bsdf]) -> str:
-    head = {**model.head, "license": "Apache-2.0", "source": "built by scenes_xml/actors/build.py"}
+    head = {**model.head}
+    head.setdefault("license", "Apache-2.0")
+    head.setdefault("source", "built by scenes_xml/actors/build.py")
     lines = ["[actor]", *(f"{key} = {toml_value(value)}" for key, value in head.items()), ""]
     for name, colors in model.variants.items():
         lines += [f"[variants.{name}]", *(f"{bsdf} = {toml_value(rgb)}" for bsdf, rgb in colors.items()), ""]

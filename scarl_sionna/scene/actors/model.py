@@ -28,7 +28,9 @@ MOTIONS = ("vehicle", "cycle", "walk", "stand")
 
 _TABLES = {"actor", "variants", "materials", "joints", "bending"}
 _REQUIRED = {"name", "class", "motion", "length", "width", "height"}
-_KEYS = _REQUIRED | {"title", "license", "source", "wheelbase", "rear_axle", "ego_mount", "occupants"}
+_KEYS = _REQUIRED | {
+    "title", "license", "source", "age", "wheelbase", "rear_axle", "ego_mount", "occupants",
+}  # fmt: skip # a table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,7 +43,9 @@ class ModelLevel(Described):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "wheelbase": "m", "rear_axle": "m"}):
+class ActorModel(
+    Described, units={"length": "m", "width": "m", "height": "m", "wheelbase": "m", "rear_axle": "m", "age": "years"}
+):
     """What is known of an actor before it is put into a scene. Make one with `read_actor_model` or `actor_from_mesh`.
 
     Attributes
@@ -67,6 +71,8 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
         ``[bending]``: how it bends, see :func:`scarl_sionna.scene.bodies.bending.bending_from_table`.
     wheelbase, rear_axle : float or None
         Distance of the axles and x of the rear one [m]; None for what has no axles.
+    age : float or None
+        Of a person [years].
     ego_mount : bool
         Whether it may carry a rig of sensors around it.
     occupants : tuple of str
@@ -90,6 +96,7 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
     title: str = ""
     occupants: tuple[str, ...] = ()
     bending: Mapping[str, Any] | None = None
+    age: float | None = None
 
     def level(self, detail: str) -> ModelLevel:
         """Return the geometry at a level of detail, ``"detailed"`` or ``"light"``.
@@ -228,6 +235,7 @@ def _read(file: Path, _changed: int) -> ActorModel:
         ego_mount=bool(head.get("ego_mount", False)),
         title=str(head.get("title", "")),
         occupants=occupants,
+        age=float(head["age"]) if "age" in head else None,
         length=_measure(head, "length", where),
         width=_measure(head, "width", where),
         height=_measure(head, "height", where),

@@ -90,6 +90,7 @@ class _ModelHead(Table):
     title: Text = ""
     semantic: Text = Field("", alias="class")
     motion: Text = ""
+    age: Number = 0.0
     length: Number = 0.0
     width: Number = 0.0
     height: Number = 0.0

@@ -19,7 +19,7 @@ from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, Unknow
 from scarl_sionna.core.pose import Pose, Twist
 
 from .footprints import FootPrints, Ground, steps_forward
-from .gait import SEGMENTS, WalkingGait, walking_gait
+from .gait import FRACTIONS, SEGMENTS, WalkingGait, walking_gait
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
 from .trajectory import Motion, Trajectory, WheelWay, forward_speeds, known_until, wheel_way
 
@@ -351,7 +351,7 @@ def joints_from_tables(
     ----------
     tables : sequence of mapping
         ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius[, steered]), ``walk``
-        (height[, phase]) and ``pedal`` (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The
+        (height[, phase, and lengths of the body's own segments by the names of `gait.FRACTIONS`]) and ``pedal`` (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The
         shapes of the last two are those of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for
         instance ``walker_head_hair``.
     actor : str
@@ -408,9 +408,10 @@ def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], rolling: 
 
 
 def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Walk:
-    _check_keys(table, what, {"height"}, {"phase"})
+    _check_keys(table, what, {"height"}, {"phase", *FRACTIONS})
     found = _segments(shapes, _SEGMENT, SEGMENTS, what)
-    gait = walking_gait(float(table["height"]))
+    own = tuple((name, float(table[name])) for name in FRACTIONS if name in table)
+    gait = walking_gait(float(table["height"]), own)
     phase, offset = Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))), float(table.get("phase", 0.0))
     return Walk(found, gait, trajectory, phase, offset, _prints(trajectory, gait, phase, offset))
 

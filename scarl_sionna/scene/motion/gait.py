@@ -18,7 +18,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 
 from .steps import MIDSTANCE, FootPrint, Prints, foot_curves, foot_motion, hip_height, leg_motions
@@ -50,15 +50,20 @@ FASTEST = 3.0
 
 @dataclass(frozen=True)
 class BodyLengths:
-    """Lengths of the segments of a body of some height [m]; Chen's fractions."""
+    """Lengths of the segments of a body of some height [m].
+
+    Those in `own`, (name, length) each, else Chen's fractions of the height. The sole lies a quarter of the `foot`
+    below the ankle; `torso` goes from the hips to neck and shoulders.
+    """
 
     height: float
+    own: tuple[tuple[str, float], ...] = ()
 
     def __getattr__(self, name: str) -> float:
         """Return a length: head, half_shoulder, torso, half_hip, upper_leg, lower_leg, foot, upper_arm, lower_arm."""
-        if name not in _FRACTIONS:
+        if name not in FRACTIONS:
             raise AttributeError(name)
-        return _FRACTIONS[name] * self.height
+        return dict(self.own).get(name, FRACTIONS[name] * self.height)
 
     @property
     def leg(self) -> float:
@@ -66,10 +71,11 @@ class BodyLengths:
         return float(self.upper_leg + self.lower_leg)
 
 
-_FRACTIONS = {
+FRACTIONS = {
     "head": 0.130, "half_shoulder": 0.1295, "torso": 0.288, "half_hip": 0.0955, "upper_leg": 0.245, "lower_leg": 0.246,
     "foot": 0.143, "upper_arm": 0.188, "lower_arm": 0.152,
 }  # fmt: skip # a table
+"""Lengths over the height of the body, by [2]_."""
 
 
 class WalkingGait:
@@ -79,6 +85,8 @@ class WalkingGait:
     ----------
     height : float
         Of the body, 0.5 to 2.5 m.
+    own : tuple of (str, float)
+        Lengths of segments that the body has of its own [m], 0.2 to 3 times those of `FRACTIONS`.
 
     Notes
     -----
@@ -88,10 +96,16 @@ class WalkingGait:
     stand still (`steps`).
     """
 
-    def __init__(self, height: float) -> None:
+    def __init__(self, height: float, own: tuple[tuple[str, float], ...] = ()) -> None:
         if not 0.5 <= height <= 2.5:
             raise ParameterRangeError("height", f"{height} m", "0.5 to 2.5 m")
-        self.lengths = BodyLengths(height)
+        for name, length in own:
+            if name not in FRACTIONS:
+                raise UnknownNameError("length of a segment", name, FRACTIONS)
+            usual = FRACTIONS[name] * height
+            if not 0.2 * usual <= length <= 3.0 * usual:
+                raise ParameterRangeError(name, f"{length} m", f"{0.2 * usual:.3f} to {3.0 * usual:.3f} m at this height")
+        self.lengths = BodyLengths(height, own)
 
     @property
     def fastest(self) -> float:
@@ -275,9 +289,9 @@ SOLE = np.array([[-0.25, 0.0, -0.25], [0.25, 0.0, -0.25], [0.8, 0.0, -0.25]])
 
 
 @lru_cache(maxsize=64)
-def walking_gait(height: float) -> WalkingGait:
-    """Return the gait of a body's height [m], one for all who are as tall."""
-    return WalkingGait(height)
+def walking_gait(height: float, own: tuple[tuple[str, float], ...] = ()) -> WalkingGait:
+    """Return the gait of a body's height and own lengths [m], one for all who are built alike."""
+    return WalkingGait(height, own)
 
 
 def _support(relative: float) -> float:
