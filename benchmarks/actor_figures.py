@@ -2,7 +2,7 @@
 
 Contact sheets of all models, detailed and light, and of their colours.
 
-python benchmarks/actor_figures.py [--figures docs/figures] [--sheets vehicles people colours]
+python benchmarks/actor_figures.py [--figures docs/figures] [--sheets vehicles people ages colours]
 python benchmarks/actor_figures.py --only saloon bus [--views front rear] [--width 560] [--samples 12]
 
 With --only, one sheet of those models is written (actors_chosen.webp), for a look while a model is made.
@@ -26,7 +26,8 @@ from camera_lidar import Camera
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lighting import Lighting
-from scarl_sionna.scene.actors.model import actor_names
+from scarl_sionna.scenario.motion.bodies import ActorBody, usual_pace
+from scarl_sionna.scene.actors.model import actor_names, person_ages
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, StaticTrajectory
 
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
@@ -58,11 +59,18 @@ class Studio:
         self.world = ss.load_scene(folder / "studio.xml").with_lighting(Lighting.preset("day").with_(exposure=0.62))
 
     def picture(
-        self, name: str, level: str, view: str, size: tuple[int, int], samples: int, variant: str | None = None
+        self,
+        name: str,
+        level: str,
+        view: str,
+        size: tuple[int, int],
+        samples: int,
+        variant: str | None = None,
+        tall: bool = False,
     ) -> Image.Image:
-        """Return a denoised picture of a model."""
+        """Return a denoised picture of a model; `tall`: all at one scale, that of an adult."""
         model = ss.read_actor_model(name)
-        speed = SPEEDS[model.motion]
+        speed = SPEEDS[model.motion] * usual_pace(ActorBody.of(model))
         turned = Pose.from_euler(
             [0.0, 0.0, 0.0], yaw=np.radians(125.0)
         )  # the sun stands behind the camera's right shoulder
@@ -72,7 +80,7 @@ class Studio:
             else ConstantTwistTrajectory(turned, Twist(turned.rotate([speed, 0.0, 0.0])))
         )
         state = ss.stage(self.world, [ss.StagedActor("it", model, path, detail=level, variant=variant)]).at(TIME)
-        half = 0.5 * np.array([model.length, model.width, model.height])
+        half = 0.5 * (np.array([1.0, 0.6, 1.92]) if tall else np.array([model.length, model.width, model.height]))
         corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
         azimuth, elevation = np.radians(VIEWS[view])
         eye = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
@@ -123,13 +131,18 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
         save_photo(sheet(tiles, 3), folder / "actors_rear.webp")
     if "people" in wanted:
         size = (230, 300)
-        names = [name for name in actor_names() if name not in VEHICLES]
+        names = [name for name in actor_names() if name not in VEHICLES and name not in person_ages()]
         tiles = [
             (f"{name}{', light' if level == 'light' else ''}", studio.picture(name, level, "front", size, samples))
             for level in ("detailed", "light")
             for name in names
         ]
         save_photo(sheet(tiles, len(names)), folder / "actors_people.webp")
+    if "ages" in wanted:
+        tiles = [
+            (name, studio.picture(name, "detailed", "front", (118, 208), samples, tall=True)) for name in person_ages()
+        ]
+        save_photo(sheet(tiles, 11), folder / "actors_ages.webp")
     if "colours" in wanted:
         tiles = []
         for name in COLORFUL:
@@ -143,7 +156,7 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--figures", type=Path, default=Path("docs/figures"))
-    parser.add_argument("--sheets", nargs="*", default=["vehicles", "people", "colours"])
+    parser.add_argument("--sheets", nargs="*", default=["vehicles", "people", "ages", "colours"])
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--views", nargs="*", default=["front", "rear"], choices=VIEWS)
     parser.add_argument("--levels", nargs="*", default=["detailed", "light"])

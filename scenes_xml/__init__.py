@@ -22,7 +22,7 @@ from .cache import cache_folder, kept_folder
 _ROOT = Path(__file__).resolve().parent
 _DETAILS = ("detailed", "light")
 
-__all__ = ["actor_names", "actor_path", "cache_folder", "person_names", "scene_names", "scene_path", "source_hash"]
+__all__ = ["actor_names", "actor_path", "cache_folder", "person_ages", "scene_names", "scene_path", "source_hash"]
 
 
 def scene_names() -> tuple[str, ...]:
@@ -37,12 +37,12 @@ def actor_names() -> tuple[str, ...]:
 
     Folders of ``actors`` with an ``actor.toml``, and the people of ``actors/bodies``, who share one packed file.
     """
-    return tuple(sorted([*(p.parent.name for p in _ROOT.glob("actors/*/actor.toml")), *person_names()]))
+    return tuple(sorted([*(p.parent.name for p in _ROOT.glob("actors/*/actor.toml")), *person_ages()]))
 
 
-def person_names() -> tuple[str, ...]:
-    """Return the names of the people of all ages, by age."""
-    return _people().names()  # type: ignore[no-any-return]
+def person_ages() -> dict[str, int]:
+    """Return the ages [years] of the people of all ages, by name; the youngest first."""
+    return _people().ages()  # type: ignore[no-any-return]
 
 
 def _people() -> ModuleType:
@@ -125,7 +125,7 @@ def actor_path(name: str) -> Path:
     """
     if name not in actor_names():
         raise KeyError(f"no actor model {name!r} in scenes_xml; choose one of {', '.join(actor_names())}")
-    if name in person_names():
+    if name in person_ages():
         return _person_path(name)
     source = _ROOT / "actors" / name
     files = [f"{name}/{file}" for file in ("actor.toml", f"{name}.xml", f"{name}_light.xml", *_packed_files(source))]

@@ -11,12 +11,13 @@ import sys
 from pathlib import Path
 
 import scarl_sionna as ss
-from scarl_sionna.scene.actors.model import ActorModel, actor_names
+from scarl_sionna.scene.actors.model import ActorModel, actor_names, person_ages
+from scenes_xml.actors.bodies.table import PEOPLE, Person
 
 REPO = Path(__file__).resolve().parents[1]
 PAGE = REPO / "docs" / "actors.md"
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
-GROUPS = ("vehicles", "people")
+GROUPS = ("vehicles", "people", "ages")
 HEAD = (
     "| model | length x width x height [m] | wheelbase [m] | shapes, triangles | light: shapes, "
     "triangles | joints | radio materials | variants |",
@@ -53,6 +54,36 @@ def _row(name: str) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
+PEOPLE_HEAD = (
+    "| model | age | height [m] | length x width x height, walking [m] | clothes | shapes, triangles | light: shapes, "
+    "triangles | variants |",
+    "|---|---|---|---|---|---|---|---|",
+)
+
+
+def _person(person: Person) -> str:
+    model = ss.read_actor_model(person.name)
+    below = f", {person.bottom}" if person.bottom else ""
+    cells = (
+        f"`{person.name}`",
+        f"{person.years}",
+        f"{person.height:g}",
+        f"{model.length:g} x {model.width:g} x {model.height:g}",
+        f"{person.top.replace('_', '-')}{below}",
+        _level(model, ""),
+        _level(model, "_light"),
+        ", ".join(model.variants),
+    )
+    return "| " + " | ".join(cells) + " |"
+
+
+def _table(group: str) -> list[str]:
+    if group == "ages":
+        return [*PEOPLE_HEAD, *(_person(person) for person in PEOPLE)]
+    others = [name for name in actor_names() if name not in VEHICLES and name not in person_ages()]
+    return [*HEAD, *(_row(name) for name in (VEHICLES if group == "vehicles" else others))]
+
+
 def updated(page: str, groups: tuple[str, ...] = GROUPS) -> str:
     """Return the page with its tables made again."""
     for group in groups:
@@ -61,8 +92,7 @@ def updated(page: str, groups: tuple[str, ...] = GROUPS) -> str:
         _, _, tail = rest.partition(end)
         if not rest or not tail:
             raise SystemExit(f"{PAGE} lacks the marks of its table '{group}'")
-        names = VEHICLES if group == "vehicles" else [name for name in actor_names() if name not in VEHICLES]
-        table = "\n".join([*HEAD, *(_row(name) for name in names)])
+        table = "\n".join(_table(group))
         page = f"{head}{begin}\n{table}\n{end}{tail}"
     return page
 

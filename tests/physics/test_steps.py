@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.scene.actors.model import read_actor_model
 from scarl_sionna.scene.motion.articulation import joints_from_tables
 from scarl_sionna.scene.motion.gait import SEGMENTS, SIDES, SOLE, WalkingGait, _support
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, WaypointTrajectory, forward_speeds
@@ -14,9 +15,11 @@ STILL, CONTACT = 0.02, 0.01
 """[m/s], [m]"""
 
 
-def walk(trajectory, height=1.75, phase=0.0):
+def walk(trajectory, height=1.75, phase=0.0, **own):
     """The joint of a walker whose shapes have the names of the segments."""
-    return joints_from_tables([{"kind": "walk", "height": height, "phase": phase}], "it", SEGMENTS, trajectory)[0]
+    return joints_from_tables([{"kind": "walk", "height": height, "phase": phase, **own}], "it", SEGMENTS, trajectory)[
+        0
+    ]
 
 
 def soles(joint, time):
@@ -94,6 +97,27 @@ def test_feet_rest_in_a_bend_while_somebody_starts_and_stops():
     assert min(down) >= 1  # somebody who walks always stands on a foot
     still = np.array([[p[:2] for _, p, _ in soles(joint, time).values()] for time in (7.0, 7.4)])
     np.testing.assert_allclose(still[0], still[1], atol=2e-3)  # while waiting
+
+
+@pytest.mark.parametrize("name", ["boy_8", "woman_52", "man_38"])
+def test_feet_rest_whatever_the_lengths_of_a_body(name):
+    """People of all ages, each with lengths of its own: in a bend, starting and stopping; joints hang together."""
+    table = next(dict(row) for row in read_actor_model(name).joints if row["kind"] == "walk")
+    table.pop("kind")
+    joint, times = walk(turning(), **table), np.linspace(0.01, 11.99, 240)
+    check_feet(joint, times)
+    check_joints(joint, times)
+    arm = joint.gait.lengths.upper_arm
+    for time in (1.0, 4.3):
+        moved = joint.motions(time)
+        below = moved["left_upper_arm"].pose.apply([0.0, 0.0, -arm])
+        np.testing.assert_allclose(below, moved["left_lower_arm"].pose.position, atol=1e-9)
+        step, point = 1e-5, np.array([0.1, 0.05, -0.2])
+        later, earlier = joint.motions(time + step), joint.motions(time - step)
+        for segment in SEGMENTS:
+            slope = (later[segment].pose.apply(point) - earlier[segment].pose.apply(point)) / (2.0 * step)
+            exact = moved[segment].twist.velocity_at(moved[segment].pose.rotate(point))
+            np.testing.assert_allclose(exact, slope, atol=2e-3, err_msg=segment)
 
 
 def test_prints_are_the_same_whatever_was_asked_before():

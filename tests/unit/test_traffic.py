@@ -11,7 +11,7 @@ import pytest
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.scenario.checks.collisions import find_collisions
 from scarl_sionna.scenario.checks.motion import check_motion
-from scarl_sionna.scenario.motion.bodies import WALKER, ActorBody
+from scarl_sionna.scenario.motion.bodies import WALKER, ActorBody, usual_pace
 from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.profiles import SpeedProfile
 from scarl_sionna.scenario.motion.routes import Route
@@ -19,7 +19,8 @@ from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scenario.traffic.driver import Driver
 from scarl_sionna.scenario.traffic.drivers import CRITICAL_HEADWAY
 from scarl_sionna.scenario.traffic.planned import PlannedActor
-from scarl_sionna.scenario.traffic.simulated import simulate_traffic
+from scarl_sionna.scenario.traffic.simulated import simulate_traffic, walkers
+from scarl_sionna.scene.actors.model import person_ages, read_actor_model
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
 BODIES = {
@@ -127,9 +128,27 @@ def test_no_collision_and_possible_motion(busy: list[PlannedActor]) -> None:
             assert actor.trajectory.acceleration(fine).max() < 2.6
 
 
+def test_people_on_foot_are_of_all_ages_and_walk_as_fast_as_they_can() -> None:
+    """Shares of children and adults; nobody is drawn a pace that the gait does not have."""
+    shares, ages = walkers(), person_ages()
+    assert set(shares) == set(ages) and sum(shares.values()) == pytest.approx(1.0)
+    assert sum(share for name, share in shares.items() if ages[name] < 16) == pytest.approx(0.16)
+    for name in list(ages)[::6]:
+        model = read_actor_model(name)
+        joint = next(row for row in model.joints if row["kind"] == "walk")
+        fastest = 3.0 * (joint["upper_leg"] + joint["lower_leg"])
+        assert (1.34 + 2.0 * 0.2) * usual_pace(ActorBody.of(model)) < fastest
+    adult, child, old = (ActorBody(1.0, 0.5, height, 0.0, 0.0, "walk", age) for height, age in HEIGHTS)
+    assert usual_pace(adult) == 1.0 and usual_pace(child) == pytest.approx(0.85) and usual_pace(old) == 0.75
+
+
+HEIGHTS = ((1.75, 30.0), (1.22, 7.0), (1.6, 80.0))
+
+
 def test_who_is_there(busy: list[PlannedActor]) -> None:
     models = [actor.model for actor in busy]
-    assert sum(model in ("adult_man", "adult_woman", "child") for model in models) == 10
+    people = [model for model in models if model in person_ages()]
+    assert len(people) == 10 and len(set(people)) > 5
     assert models.count("bicycle") == 2
     assert sum("parked" in actor.name for actor in busy) == 2
     # 25 vehicles on each of the kilometres inside: those that are in the scene at the beginning (Poisson: 5 sigma)

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from scarl_sionna.core.errors import ParameterRangeError
 
 
@@ -54,6 +56,8 @@ class ActorBody:
         X of the rear axle, <= 0 [m].
     motion : str
         ``vehicle``, ``cycle``, ``walk`` or ``stand``.
+    age : float or None
+        Of a person [years].
     """
 
     length: float = 4.6
@@ -62,6 +66,7 @@ class ActorBody:
     wheelbase: float = 2.7
     rear_axle: float = -1.35
     motion: str = "vehicle"
+    age: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("length", "width", "height"):
@@ -82,7 +87,20 @@ class ActorBody:
             float(model.wheelbase or 0.0),
             float(model.rear_axle or 0.0),
             str(model.motion),
+            getattr(model, "age", None),
         )
+
+
+_PACE = ((15.0, 60.0, 70.0, 80.0, 90.0), (1.0, 1.0, 0.9, 0.75, 0.6))
+"""Ages [years] and paces over that of adults; estimates."""
+
+
+def usual_pace(body: ActorBody) -> float:
+    """Return at which share of an adult's pace somebody walks.
+
+    The small walk slower by their height, the old by their age.
+    """
+    return min(0.85 * body.height / 1.22, 1.0) * float(np.interp(body.age or 30.0, *_PACE))
 
 
 WALKER = ActorBody(0.55, 0.60, 1.75, 0.0, 0.0, "walk")

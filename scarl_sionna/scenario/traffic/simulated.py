@@ -15,11 +15,12 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.seeds import generator
-from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, body_of
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, body_of, usual_pace
 from scarl_sionna.scenario.motion.paths import PathTrajectory, SmoothPath, sample_motion
 from scarl_sionna.scenario.motion.profiles import way_from_states
 from scarl_sionna.scenario.motion.routes import smoothing_of
 from scarl_sionna.scenario.spec.actors import TrafficSpec
+from scarl_sionna.scene.actors.model import person_ages
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
@@ -34,7 +35,8 @@ Array = npt.NDArray[np.float64]
 
 DEFAULT_MIX: Mapping[str, float] = {"saloon": 0.4, "small_car": 0.25, "suv": 0.2, "van": 0.1, "lorry": 0.05}
 """Shares of the models among vehicles."""
-WALKERS = ("adult_man", "adult_woman", "child")
+CHILDREN = 0.16
+"""Share of those under 16 years among people on foot; all of an age group are equally likely."""
 STEP = 0.1
 """Step of the car-following model [s]."""
 WARM_UP = 5.0
@@ -93,9 +95,9 @@ def simulate_traffic(
     Intelligent Driver Model [1]_ with a jerk limit, in steps of 0.1 s after 5 s of warm-up; bends at 2 m/s^2; a
     critical headway of 4.5 s where lanes yield; signals; stretches that two lanes share are used by one of them at a
     time. Random routes at forks. At open ends, lanes go on straight and level beyond the scene, so that vehicles come
-    and go. Vehicles change between lanes of one direction (`Lane.left`) by MOBIL [3]_. People walk at 1.34 +- 0.2 m/s
-    [2]_ on the right of walkways and stand where these end. *Not modelled*: overtaking on the lane of those who come
-    towards, turning back.
+    and go. Vehicles change between lanes of one direction (`Lane.left`) by MOBIL [3]_. People of all ages walk at
+    1.34 +- 0.2 m/s [2]_, children and the old slower, on the right of walkways and stand where these end. *Not
+    modelled*: overtaking on the lane of those who come towards, turning back.
 
     References
     ----------
@@ -116,12 +118,12 @@ def simulate_traffic(
     obstacles = [_obstacle(graph, trajectory, ActorBody.of(body), instants) for trajectory, body in others]
     planner = _Planner(graph, generator(seed, "traffic"), duration + WARM_UP, obstacles)
 
-    wanted = [("drive", shares, round(traffic.density * planner.kilometres("drive")), chosen)]
+    wanted: list[tuple[str, Mapping[str, float], int, Mapping[str, ActorBody]]] = []
+    wanted += [("drive", shares, round(traffic.density * planner.kilometres("drive")), chosen)]
     wheels = "cycle" if graph.of_kind(["cycle"], inside=True) else "drive"
     bicycles = {"bicycle": body_of("bicycle", models)} if traffic.cyclists else {}
     wanted.append((wheels, {"bicycle": 1.0}, traffic.cyclists, bicycles))
-    walkers = {name: body_of(name, models) for name in WALKERS} if traffic.pedestrians else {}
-    wanted.append(("walk", {"adult_man": 0.42, "adult_woman": 0.42, "child": 0.16}, traffic.pedestrians, walkers))
+    wanted.append(("walk", walkers() if traffic.pedestrians else {}, traffic.pedestrians, _Bodies(models)))
     for kind, kind_shares, count, bodies in wanted:
         if count and not graph.of_kind([kind], inside=True):
             raise ParameterRangeError(
@@ -156,6 +158,29 @@ def simulate_traffic(
     actors += _parked(network, traffic.parked, shares, models, generator(seed, "parked"), names)
     times = start_time + np.linspace(0.0, duration, max(int(np.ceil(duration / STEP)), 1) + 1)
     return without_collisions(actors, times, others)
+
+
+def walkers() -> dict[str, float]:
+    """Return the share of each person among people on foot, by model."""
+    ages = person_ages()
+    young = [name for name, age in ages.items() if age < 16]
+    old = [name for name in ages if name not in young]
+    return {
+        **dict.fromkeys(young, CHILDREN / len(young)),
+        **dict.fromkeys(old, (1.0 - CHILDREN) / len(old)),
+    }
+
+
+class _Bodies(dict[str, ActorBody]):
+    """Bodies by model, read when somebody asks for them: of all people few are drawn."""
+
+    def __init__(self, models: Mapping[str, BodyLike] | None) -> None:
+        super().__init__()
+        self._models = models
+
+    def __missing__(self, name: str) -> ActorBody:
+        self[name] = body_of(name, self._models)
+        return self[name]
 
 
 def _obstacle(graph: TrackGraph, trajectory: Trajectory, body: ActorBody, instants: Array) -> Obstacle:
@@ -270,7 +295,7 @@ class _Planner:
         track = self.graph.tracks[index]
         spread = self.draw.normal(size=4).clip(-2.0, 2.0)
         if track.kind == "walk":
-            pace = float((1.34 + 0.2 * spread[0]) * (0.85 if model == "child" else 1.0))  # Weidmann 1993
+            pace = float(1.34 + 0.2 * spread[0]) * usual_pace(body)  # Weidmann 1993
             driver = Driver(body, [index], front, 0.9 * pace, 0.5, 1.0, 1.5, 0.4, 10.0, pace)
         else:
             top = _TOP_SPEED.get(model, 60.0) * float(1.0 + 0.1 * spread[1] * (model in ("bicycle", "scooter")))

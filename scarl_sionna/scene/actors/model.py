@@ -143,6 +143,13 @@ def actor_names() -> tuple[str, ...]:
     return scenes_xml.actor_names()
 
 
+def person_ages() -> dict[str, int]:
+    """Return the ages [years] of the people that come with the package, by model; the youngest first."""
+    import scenes_xml
+
+    return scenes_xml.person_ages()
+
+
 def read_actor_model(name_or_path: str | Path, near: str | Path | None = None) -> ActorModel:
     """Return an actor model.
 

@@ -351,9 +351,9 @@ def joints_from_tables(
     ----------
     tables : sequence of mapping
         ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius[, steered]), ``walk``
-        (height[, phase, and lengths of the body's own segments by the names of `gait.FRACTIONS`]) and ``pedal`` (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The
-        shapes of the last two are those of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for
-        instance ``walker_head_hair``.
+        (height[, phase, and lengths of the body's own segments by the names of `gait.FRACTIONS`]) and ``pedal``
+        (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The shapes of the last two are those
+        of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for instance ``walker_head_hair``.
     actor : str
         Whose joints they are, for error messages.
     shapes : sequence of str

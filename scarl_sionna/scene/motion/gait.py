@@ -104,7 +104,9 @@ class WalkingGait:
                 raise UnknownNameError("length of a segment", name, FRACTIONS)
             usual = FRACTIONS[name] * height
             if not 0.2 * usual <= length <= 3.0 * usual:
-                raise ParameterRangeError(name, f"{length} m", f"{0.2 * usual:.3f} to {3.0 * usual:.3f} m at this height")
+                raise ParameterRangeError(
+                    name, f"{length} m", f"{0.2 * usual:.3f} to {3.0 * usual:.3f} m at this height"
+                )
         self.lengths = BodyLengths(height, own)
 
     @property

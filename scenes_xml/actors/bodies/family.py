@@ -28,8 +28,8 @@ TONES = np.array([(0.17, 0.085, 0.05), (0.52, 0.34, 0.23), (0.56, 0.36, 0.27)])
 TOPS: Mapping[str, Color] = {
     "navy": (0.03, 0.06, 0.16), "red": (0.36, 0.03, 0.035), "olive": (0.10, 0.11, 0.045), "grey": (0.16, 0.165, 0.175),
     "camel": (0.40, 0.24, 0.11), "teal": (0.02, 0.17, 0.18), "plum": (0.17, 0.03, 0.11), "white": (0.60, 0.58, 0.54),
-    "yellow": (0.70, 0.42, 0.03), "pink": (0.55, 0.20, 0.27), "green": (0.06, 0.25, 0.09), "black": (0.022, 0.022, 0.025),
-    "sky": (0.20, 0.37, 0.58),
+    "yellow": (0.70, 0.42, 0.03), "pink": (0.55, 0.20, 0.27), "green": (0.06, 0.25, 0.09),
+    "black": (0.022, 0.022, 0.025), "sky": (0.20, 0.37, 0.58),
 }  # fmt: skip # a table
 BOTTOMS: tuple[Color, ...] = (
     (0.05, 0.05, 0.055), (0.035, 0.055, 0.11), (0.22, 0.17, 0.10), (0.02, 0.02, 0.023), (0.05, 0.08, 0.17),
@@ -49,13 +49,26 @@ def names() -> tuple[str, ...]:
     return tuple(person.name for person in PEOPLE)
 
 
+def ages() -> dict[str, int]:
+    """Return the ages [years] of all models by name, the youngest first."""
+    return {person.name: person.years for person in PEOPLE}
+
+
 @lru_cache(maxsize=1)
 def key() -> str:
     """Return a hash of all that shapes a model."""
     digest = hashlib.sha256(PACK.read_bytes() if PACK.is_file() else b"")
     here = Path(__file__).parent
     generators = here.parent.parent / "generators"
-    for file in sorted([*here.glob("*.py"), *here.parent.glob("*.py"), *generators.glob("*.py"), *generators.glob("people/*.py"), *generators.glob("geometry/*.py")]):
+    for file in sorted(
+        [
+            *here.glob("*.py"),
+            *here.parent.glob("*.py"),
+            *generators.glob("*.py"),
+            *generators.glob("people/*.py"),
+            *generators.glob("geometry/*.py"),
+        ]
+    ):
         digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()[:12]
 
@@ -76,7 +89,11 @@ def surface(bodies: Bodies, number: int, level: int) -> Surface:
             weights[f"left_{segment}"] = on_left
             weights[f"right_{segment}"] = np.concatenate([own[:middle] * 0.5, nothing, own[middle:]])
     return Surface(
-        np.concatenate([half, half[middle:] * [1.0, -1.0, 1.0]]), faces, regions, weights, origins(bodies.lengths[number])
+        np.concatenate([half, half[middle:] * [1.0, -1.0, 1.0]]),
+        faces,
+        regions,
+        weights,
+        origins(bodies.lengths[number]),
     )
 
 
@@ -139,13 +156,17 @@ def _looks(first: Mapping[str, Color]) -> dict[str, Bsdf]:
     }
 
 
-def measures(lengths: Mapping[str, float], levels: Mapping[str, Mapping[str, Part]], at: Mapping[str, Array]) -> tuple[float, float, float]:
+def measures(
+    lengths: Mapping[str, float], levels: Mapping[str, Mapping[str, Part]], at: Mapping[str, Array]
+) -> tuple[float, float, float]:
     """Return length, width and height of the box around a body that walks [m], from its limbs and its shapes.
 
     The stride at a usual pace is 0.77 of the leg's length from ankle to ankle.
     """
     points = {
-        segment: np.concatenate([part.mesh.vertices for name, part in levels["detailed"].items() if name.rpartition("_")[0] == segment])
+        segment: np.concatenate(
+            [part.mesh.vertices for name, part in levels["detailed"].items() if name.rpartition("_")[0] == segment]
+        )
         for segment in at
     }
     placed = np.concatenate([own + at[segment] for segment, own in points.items()])
@@ -165,9 +186,7 @@ def make(name: str) -> Model:
     levels: dict[str, dict[str, Part]] = {}
     for level, (detail, plain) in enumerate((("detailed", ()), ("light", PLAIN))):
         body = surface(bodies, row, level)
-        levels[detail] = {
-            shape: Part(mesh, slot, CREASE) for shape, (mesh, slot) in dressed(body, worn, plain).items()
-        }
+        levels[detail] = {shape: Part(mesh, slot, CREASE) for shape, (mesh, slot) in dressed(body, worn, plain).items()}
     lengths = bodies.lengths[row]
     length, width, height = measures(lengths, levels, origins(lengths))
     variants = colors(person, number)

@@ -42,6 +42,7 @@ class Bodies:
     faces, face_regions : tuple of ndarray of int
         At the two levels of detail, shape (num_faces, 3) and (num_faces,).
     weights : ndarray, shape (num_vertices, num_segments)
+        Sums are 1, within 1 %.
     """
 
     names: tuple[str, ...]
@@ -127,10 +128,9 @@ def decoded(packed: bytes) -> Bodies:
     steps = np.zeros_like(coded)
     for row, (vertex, parent) in enumerate(zip(order, parents, strict=True)):
         steps[:, vertex] = coded[:, row] if parent < 0 else coded[:, row] + steps[:, parent]
-    shares = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1)
     return Bodies(
         tuple(head["names"]), tuple(head["segments"]), tuple(head["regions"]), (steps[:1] + steps[1:]) * STEP,
-        head["num_middle"], tuple(head["lengths"]), faces, tuple(rest[1::2]), shares,
+        head["num_middle"], tuple(head["lengths"]), faces, tuple(rest[1::2]), weights / _WEIGHT,
     )  # fmt: skip # a table
 
 

@@ -22,8 +22,12 @@ _DEPTH = 0.05
 """How deep it goes below, for a weight that is less by one [m at a height of 1.75 m]."""
 _CUFF = 0.03
 """How far a trouser leg hangs over the shoe [m at a height of 1.75 m]."""
+_SHAFT = 20
+"""Faces from which on a shoe has a shaft within the trouser leg."""
 _FLARE = 0.016
 """How much farther than at the knee trousers stand off the ankle [m at a height of 1.75 m]."""
+_THIN = 0.4
+"""Part of its girth that a thigh lacks below a hem."""
 _SHEETS = ("hem", "skirt", "long_skirt", "long_hair")
 """Regions that hang free: no skin is below them."""
 
@@ -150,6 +154,7 @@ def dressed(surface: Surface, worn: Outfit, plain: Sequence[str] = ()) -> dict[s
     of_sheet = np.zeros(len(surface.points), bool)
     of_sheet[surface.faces[~solid]] = True
     normals[of_sheet] = sheets[of_sheet]
+    owners = _owners(surface)
     thickness = {layer.slot: layer.thickness for layer in worn.layers}
     parts: dict[str, tuple[Mesh, str]] = {}
     for slot in dict.fromkeys(slots[slots != ""].tolist()):
@@ -163,8 +168,11 @@ def dressed(surface: Surface, worn: Outfit, plain: Sequence[str] = ()) -> dict[s
             points = surface.points - normals * (0.003 * _tights(surface))[:, None]
         elif slot == "trousers":
             points = _trouser_legs(surface, normals, points)
-        for segment, weight in surface.weights.items():
-            mesh = _segment(surface, points, normals, chosen, segment, weight)
+        if slot in ("skin", "trousers"):
+            points = _under_hems(surface, worn, points)
+        seen = vertex_normals(points, surface.faces[chosen])
+        for segment in surface.weights:
+            mesh = _segment(surface, points, normals, seen, chosen, owners == segment, segment)
             if mesh is not None and slot == "shoes":
                 mesh = replace(mesh, normals=None)
             if mesh is not None:
@@ -203,6 +211,21 @@ def _trouser_legs(surface: Surface, normals: Array, points: Array) -> Array:
     return moved
 
 
+def _under_hems(surface: Surface, worn: Outfit, points: Array) -> Array:
+    """Return points with thinner thighs where a hem hides them: they swing below it without coming through."""
+    hung = [region for layer in worn.layers for region in layer.regions if region in _SHEETS]
+    if not hung:
+        return points
+    lower = surface.points[surface.faces[np.isin(surface.regions, hung)], 2].min()
+    hidden = np.clip((surface.points[:, 2] - lower) / (0.1 * surface.scale), 0.0, 1.0)
+    moved = points.copy()
+    for side in ("left", "right"):
+        segment = f"{side}_upper_leg"
+        share = (_THIN * surface.weights[segment] * hidden)[:, None]
+        moved[:, :2] += share * (surface.origins[segment][:2] - points[:, :2])
+    return moved
+
+
 def _hair(surface: Surface, slots: npt.NDArray[np.str_], worn: Outfit) -> Array:
     """Return how far hair stands off the head: nothing at its border, all of it beyond, shape (num_vertices,)."""
     scalp = surface.faces[surface.regions == "scalp"]
@@ -227,29 +250,38 @@ def _shoes(surface: Surface, normals: Array, points: Array, chosen: npt.NDArray[
     for side in ("left", "right"):
         ankle = surface.origins[f"{side}_foot"]
         own = used[(surface.points[used, 1] > 0.0) == (side == "left")]
-        low = own[surface.points[own, 2] < ankle[2] + 0.02]
-        first, last = moved[low, 0].min(), moved[low, 0].max()
+        sole = np.intersect1d(own, under)
+        first, last = moved[sole, 0].min(), moved[sole, 0].max()
         heel, toe = ankle[0] - ankle[2], ankle[0] + 3.2 * ankle[2]  # the sole is a quarter of the foot below the ankle
         moved[own, 0] = heel + (moved[own, 0] - first) * (toe - heel) / (last - first)
     return moved
 
 
+def _owners(surface: Surface) -> npt.NDArray[np.str_]:
+    """Return to which segment each face belongs, shape (num_faces,): legs end where shoes begin."""
+    names = np.array(list(surface.weights))
+    shares = np.stack([own[surface.faces].mean(axis=1) for own in surface.weights.values()])
+    shares[np.char.endswith(names, "foot")[:, None] & (surface.regions != "foot")] = -1.0
+    return names[shares.argmax(axis=0)]  # type: ignore[no-any-return]
+
+
 def _segment(
-    surface: Surface, points: Array, normals: Array, chosen: npt.NDArray[np.bool_], segment: str, weight: Array
+    surface: Surface,
+    points: Array,
+    normals: Array,
+    seen: Array,
+    chosen: npt.NDArray[np.bool_],
+    is_own: npt.NDArray[np.bool_],
+    segment: str,
 ) -> Mesh | None:
     """Return a segment's share of the chosen faces in its frame, or None where it has none."""
-    shares = np.stack([own[surface.faces].mean(axis=1) for own in surface.weights.values()])
-    names = np.array(list(surface.weights))
-    of_foot = np.char.endswith(names, "foot")[:, None]
-    shares[np.broadcast_to(of_foot, shares.shape) & (surface.regions != "foot")] = -1.0  # legs end, shoes begin
-    is_own = names[shares.argmax(axis=0)] == segment
-    goes_on = (weight[surface.faces].min(axis=1) > _HIDDEN) & (shares[names == segment][0] >= 0.0)
-    kept = chosen & (is_own | goes_on)
-    if not (kept & is_own).any() and not (segment.endswith("lower_leg") and kept.sum() > 20):
+    weight = surface.weights[segment]
+    kept = chosen & (is_own | (weight[surface.faces].min(axis=1) > _HIDDEN))
+    if segment.endswith("foot"):
+        kept &= surface.regions == "foot"
+    if not (kept & is_own).any() and not (segment.endswith("lower_leg") and kept.sum() > _SHAFT):
         return None
     depth = np.clip(0.5 - weight, 0.0, 0.5) * _DEPTH * surface.scale
     used, faces = np.unique(surface.faces[kept], return_inverse=True)
-    inside, seen = points - normals * depth[:, None], vertex_normals(points, surface.faces[chosen])
-    return Mesh(
-        inside[used] - surface.origins[segment], faces.reshape(-1, 3).astype(np.int64), normals=seen[used]
-    )
+    inside = points[used] - normals[used] * depth[used, None]
+    return Mesh(inside - surface.origins[segment], faces.reshape(-1, 3).astype(np.int64), normals=seen[used])

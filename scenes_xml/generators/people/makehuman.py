@@ -169,7 +169,9 @@ class MakeHuman:
 
     def weights(self) -> dict[str, Array]:
         """Return the weight of every bone on every vertex, shape (num_vertices,) each."""
-        table: dict[str, list[tuple[int, float]]] = json.loads(self._text("rigs/standard/weights.default.json"))["weights"]
+        table: dict[str, list[tuple[int, float]]] = json.loads(self._text("rigs/standard/weights.default.json"))[
+            "weights"
+        ]
         found = {}
         for bone, pairs in table.items():
             found[bone] = np.zeros(len(self._base))

@@ -124,6 +124,7 @@ def upright(mesh: MakeHuman, topology: Topology, points: Array, height: float, a
     for number, name in enumerate(SEGMENTS):
         rotation, start, end = moves.get(name, (np.eye(3), np.zeros(3), np.zeros(3)))
         placed += topology.weights[:, [number]] * ((half - start) @ rotation.T + end)
+    placed[: topology.num_middle, 1] = 0.0  # both legs pull at them
     placed -= [at["upper-leg"][0], 0.0, 0.0]
     _outside(placed, topology, at["upper-leg"][2])
     stands = lengths["upper_leg"] + lengths["lower_leg"] + 0.25 * foot

@@ -18,8 +18,8 @@ from .makehuman import MakeHuman, Phenotype
 SEGMENTS = ("head", "torso", "pelvis", "upper_arm", "lower_arm", "upper_leg", "lower_leg", "foot")
 """Segments of a half, those of limbs without their side."""
 REGIONS = (
-    "face", "lips", "ear", "scalp", "brow", "eye", "iris", "hand", "collar", "chest", "sleeve", "half_sleeve", "forearm",
-    "waist", "seat", "thigh", "lap", "calf", "foot", "hem", "skirt", "long_skirt", "long_hair",
+    "face", "lips", "ear", "scalp", "brow", "eye", "iris", "hand", "collar", "chest", "sleeve", "half_sleeve",
+    "forearm", "waist", "seat", "thigh", "lap", "calf", "foot", "hem", "skirt", "long_skirt", "long_hair",
 )  # fmt: skip # a table
 """What a triangle is a part of; clothes cover whole regions."""
 TRIANGLES = (4000, 1100)
@@ -153,6 +153,4 @@ def make_topology(mesh: MakeHuman) -> Topology:
     skirts = np.isin(kept[0][1], [REGIONS.index(name) for name in ("hem", "skirt", "long_skirt")])
     own[new[np.unique(kept[0][0][skirts])]] = np.eye(len(SEGMENTS))[SEGMENTS.index("pelvis")]
     first, second = kept
-    return Topology(
-        vertices, int(is_middle.sum()), (new[first[0]], new[second[0]]), (first[1], second[1]), own
-    )
+    return Topology(vertices, int(is_middle.sum()), (new[first[0]], new[second[0]]), (first[1], second[1]), own)
