@@ -13,7 +13,7 @@ from scarl_sionna.core.semantics import semantic_id
 
 from .bodies.bending import Bending, BentMesh
 from .document.model import InstanceEntry, SceneDocument
-from .materials.table import MaterialTable
+from .materials.table import MaterialTable, UnknownMaterialError
 from .motion.articulation import Joint
 from .motion.trajectory import Motion, Trajectory
 
@@ -152,6 +152,7 @@ def part_table(document: SceneDocument, materials: MaterialTable) -> tuple[PartT
     """Return the parts, and the instances in the order of their ids (static first, then actors)."""
     entries = sorted(document.instances, key=lambda entry: entry.trajectory is not None)
     actors = [entry.name for entry in entries if entry.trajectory is not None]
+    _check_materials(document, materials)
     rows = []
     for number, entry in enumerate(entries, start=1):
         for shape in entry.shapes:
@@ -185,3 +186,17 @@ def part_table(document: SceneDocument, materials: MaterialTable) -> tuple[PartT
         actor=np.array(actor_index, dtype=np.int32),
     )
     return table, entries
+
+
+def _check_materials(document: SceneDocument, materials: MaterialTable) -> None:
+    """Raise for the BSDFs of a scene that name no radio material, with all of them."""
+    lacking = [bsdf for bsdf, entry in sorted(document.materials.items()) if entry.radio not in materials]
+    if not lacking:
+        return
+    listed = ", ".join(lacking[:8]) + (" ..." if len(lacking) > 8 else "")
+    raise UnknownMaterialError(
+        document.materials[lacking[0]].radio,
+        materials,
+        f"{len(lacking)} BSDFs name none: {listed}; state each in a scene.toml beside the XML, "
+        f'as [materials."{lacking[0]}"] and radio = "concrete", or add a sourced entry to a materials.toml of your own',
+    )

@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 import scarl_sionna as ss
+from camera_lidar import Camera
 from scarl_sionna.core.errors import MaterialError, MeshError, ParameterRangeError, ScarlWarning, UnknownNameError
 from scarl_sionna.scene.actors.mesh_checks import open_edges
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
@@ -244,3 +246,65 @@ def test_the_same_mesh_gives_the_same_folder():
 def test_wrong_options_are_told(options, error, words):
     with pytest.raises(error, match=words):
         ss.actor_from_mesh(body(), **{"name": "wedge", **options})
+
+
+def panel(tmp_path, factor=None) -> str:
+    """Write a glTF of an upright panel of 2 m that faces -x, with an image of four colours; return its path."""
+    image = np.zeros((64, 64, 3), np.uint8)
+    image[:32, :32], image[:32, 32:], image[32:, :32], image[32:, 32:] = RED, GREEN, BLUE, WHITE
+    front = np.array([(0.0, 1.0, 2.0), (0.0, -1.0, 2.0), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0)])
+    uv = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)] * 2)  # trimesh counts v from below
+    faces = np.array([(0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7)])
+    look = trimesh.visual.material.PBRMaterial(
+        name="print", baseColorTexture=Image.fromarray(image), baseColorFactor=factor
+    )
+    visual = trimesh.visual.TextureVisuals(uv=uv, material=look)
+    body = trimesh.Trimesh(np.vstack([front, front + [0.02, 0.0, 0.0]]), faces, visual=visual, process=False)
+    path = tmp_path / "panel.glb"
+    trimesh.Scene({"panel": body}).export(path)
+    return str(path)
+
+
+RED, GREEN, BLUE, WHITE = (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)
+AXES = {"up": "z", "forward": "x", "semantic": "TrafficSign", "motion": "stand"}
+
+
+@pytest.mark.parametrize("make", [ss.actor_from_mesh, ss.actor_from_body])
+def test_textures_of_a_gltf_stay_the_right_way_round(tmp_path, make):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScarlWarning)  # the panel is open
+        model = make(panel(tmp_path), materials="metal", **AXES)
+    ground = write_scene(tmp_path / "scene", [Thing("ground", plane(60.0, 60.0), "Roads")])
+    actor = ss.StagedActor("mine", model, StaticTrajectory(ss.Pose((30.0, 0.0, 0.0))))
+    world = ss.stage(ground, [actor]).with_lighting(ss.Lighting.preset("day"))
+    spec = ss.CameraSpec(width=32, height=32, horizontal_fov_deg=30.0, samples_per_pixel=16, images=("rgb", "instance"))
+    image = Camera(spec).observe(world.at(0.0), ss.Pose((25.0, 0.0, 1.0)), np.random.default_rng(0))
+    number = next(n for n, one in world.instances.items() if one.name == "mine")
+    assert (image.instance[10:22, 10:22] == number).all()
+    strongest = image.rgb.astype(float)
+    assert strongest[11, 11].argmax() == 0 and strongest[11, 20].argmax() == 1 and strongest[20, 11].argmax() == 2
+    assert np.ptp(strongest[20, 20]) < 0.35 * strongest[20, 20].max()
+
+
+def test_a_colour_that_is_stated_goes_before_the_texture_and_a_factor_darkens_it(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScarlWarning)
+        plain = ss.actor_from_mesh(panel(tmp_path), materials={"radio": "metal", "color": (0.1, 0.2, 0.3)}, **AXES)
+        dark = ss.actor_from_mesh(panel(tmp_path, [128, 128, 128, 255]), materials="metal", **AXES)
+    assert "bitmap" not in (plain.path.parent / "panel.xml").read_text()
+    file = next((dark.path.parent / "textures").glob("*.png"))
+    linear = 128 / 255
+    expected = 255 * (1.055 * linear ** (1 / 2.4) - 0.055)
+    assert np.asarray(Image.open(file))[40, 40] == pytest.approx([expected] * 3, abs=1.0)
+
+
+@pytest.mark.parametrize("make", [ss.actor_from_mesh, ss.actor_from_body])
+def test_a_damaged_texture_is_told(tmp_path, make):
+    path = Path(panel(tmp_path))
+    data = path.read_bytes()
+    inside = data.index(b"\x89PNG") + 60
+    path.write_bytes(data[:inside] + b"\0" * 30 + data[inside + 30 :])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScarlWarning)
+        with pytest.raises(MeshError, match="part 'panel'.* has a damaged texture.*export it again"):
+            make(str(path), materials="metal", **AXES)

@@ -115,12 +115,27 @@ class GltfAnimation(Table):
     samplers: list[_Sampler]
 
 
+class _TextureInfo(Table):
+    index: _Index
+    coordinates: int = Field(0, alias="texCoord", ge=0, le=7)
+
+
 class _Pbr(Table):
     color: list[Number] | None = Field(None, alias="baseColorFactor")
+    texture: _TextureInfo | None = Field(None, alias="baseColorTexture")
+
+
+class _Texture(Table):
+    source: _Index | None = None
+
+
+class _Image(Table):
+    uri: str | None = None
+    view: _Index | None = Field(None, alias="bufferView", ge=0)
 
 
 class GltfMaterial(Table):
-    """A material: its name and colour."""
+    """A material: its name, its colour and the texture of that."""
 
     name: Text = ""
     pbr: _Pbr = Field(default_factory=_Pbr, alias="pbrMetallicRoughness")
@@ -138,15 +153,18 @@ class GltfTables(Table):
     skins: list[GltfSkin] = Field(default_factory=list)
     animations: list[GltfAnimation] = Field(default_factory=list)
     materials: list[GltfMaterial] = Field(default_factory=list)
+    textures: list[_Texture] = Field(default_factory=list)
+    images: list[_Image] = Field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
 class GltfFile:
-    """A glTF file: its tables and its buffers."""
+    """A glTF file: its tables, its buffers and where it lies."""
 
     tables: GltfTables
     text: dict[str, Any]
     buffers: tuple[bytes, ...]
+    path: Path
 
     def array(self, number: int, kind: str) -> npt.NDArray[np.float64]:
         """Return the values of an accessor, integers that stand for 0 to 1 as such.
@@ -156,7 +174,7 @@ class GltfFile:
         number : int
             Of the accessor.
         kind : str
-            What it has to be: ``"SCALAR"``, ``"VEC3"``, ``"VEC4"`` or ``"MAT4"``.
+            What it has to be: ``"SCALAR"``, ``"VEC2"``, ``"VEC3"``, ``"VEC4"`` or ``"MAT4"``.
 
         Returns
         -------
@@ -189,6 +207,28 @@ class GltfFile:
         if not np.isfinite(values).all():
             raise ValueError(f"accessor {number} has values that are not finite")
         return values
+
+    def image(self, texture: int) -> bytes | None:
+        """Return the bytes of a texture's image; None where the file states none that is read.
+
+        Raises
+        ------
+        ValueError
+            If it is not there, or not within its bytes or beside the file.
+        InputFileError, OSError
+            If a file of an image is too large or cannot be opened.
+        """
+        source = _at(self.tables.textures, texture, "texture").source
+        if source is None:
+            return None
+        image = _at(self.tables.images, source, "image")
+        if image.view is not None:
+            view = _at(self.tables.views, image.view, "bufferView")
+            data = _at(self.buffers, view.buffer, "buffer")
+            if view.offset + view.size > len(data):
+                raise ValueError(f"image {source} reaches beyond its bytes")
+            return data[view.offset : view.offset + view.size]
+        return None if image.uri is None else _bytes_of(self.path, image.uri, f"image {source}")
 
     def packed(self) -> bytes:
         """Return the same as one binary file (``.glb``) without references to others."""
@@ -233,7 +273,7 @@ def read_gltf(path: Path) -> GltfFile:
     buffers = tuple(_buffer(path, buffer, binary) for buffer in tables.buffers)
     for number, view in enumerate(tables.views):
         _at(buffers, view.buffer, f"the buffer of bufferView {number},")
-    return GltfFile(tables, text, buffers)
+    return GltfFile(tables, text, buffers, path)
 
 
 _COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization")
@@ -260,18 +300,20 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
 
 
 def _buffer(path: Path, buffer: _Buffer, binary: bytes | None) -> bytes:
-    if buffer.uri is None:
-        data = binary or b""
-    elif buffer.uri.startswith("data:"):
-        try:
-            data = base64.b64decode(buffer.uri.partition("base64,")[2], validate=True)
-        except binascii.Error as error:
-            raise ValueError(f"a buffer is no base64 ({error})") from error
-    else:
-        name = Path(unquote(buffer.uri))
-        if name.is_absolute() or ".." in name.parts or ":" in buffer.uri:
-            raise ValueError(f"buffer '{buffer.uri[:60]}' is not beside the file")
-        data = read_bytes(path.parent / name, MOST_BYTES)
+    data = (binary or b"") if buffer.uri is None else _bytes_of(path, buffer.uri, "buffer")
     if len(data) < buffer.size:
         raise ValueError(f"a buffer has {len(data)} bytes, it states {buffer.size}")
     return data[: buffer.size]
+
+
+def _bytes_of(path: Path, uri: str, what: str) -> bytes:
+    """Return what a URI names: bytes within it, or a file beside the glTF."""
+    if uri.startswith("data:"):
+        try:
+            return base64.b64decode(uri.partition("base64,")[2], validate=True)
+        except binascii.Error as error:
+            raise ValueError(f"a {what} is no base64 ({error})") from error
+    name = Path(unquote(uri))
+    if name.is_absolute() or ".." in name.parts or ":" in uri:
+        raise ValueError(f"{what} '{uri[:60]}' is not beside the file")
+    return read_bytes(path.parent / name, MOST_BYTES)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import trimesh
 
 from scarl_sionna.core.errors import MeshError
@@ -15,12 +16,14 @@ from scarl_sionna.core.untrusted.files import read_bytes
 from scarl_sionna.core.untrusted.gltf_file import read_gltf
 from scarl_sionna.scene.bodies.bending import read_body, vertex_normals
 from scarl_sionna.scene.bodies.bvh import MOST_BYTES
+from scarl_sionna.scene.bodies.skeleton import Skin
 from scarl_sionna.scene.document.mesh_files import check_triangles, ply_of
 
 from .body_spec import BodySpec
 from .mesh_checks import check_measures, warn_if_open
 from .model import ActorModel, read_actor_model
-from .written import Material, Part, WrittenModel, checked_kind, ids_of, material_tables, rotation
+from .textures import png_of, read_image
+from .written import Material, Part, WrittenModel, checked_kind, ids_of, material_tables, rotation, textures_of
 
 _GREY = (0.5, 0.5, 0.5)
 
@@ -85,17 +88,20 @@ def actor_from_body(
     check_measures(model, spec.semantic, high - low, spec.scale, spec.up, spec.forward)
     origin = np.array([*(low + high)[:2] / 2.0, low[2]])
     parts = {
-        part: Part(trimesh.Trimesh(vertices - origin, body.skins[part].faces, process=False), skin.material, color)
+        part: Part(
+            trimesh.Trimesh(vertices - origin, skin.faces, process=False), skin.material, skin.color or _GREY, texture
+        )
         for part, vertices in first.items()
         for skin in [body.skins[part]]
-        for color in [skin.color or _GREY]
+        for texture in [_texture(path, part, skin)]
     }
     warn_if_open(model, {part: one.body for part, one in parts.items()})
     ids = ids_of(parts)
     meshes = {}
     for part, one in parts.items():
         vertices, faces = np.asarray(one.body.vertices), body.skins[part].faces
-        meshes[ids[part]] = ply_of(vertices, vertex_normals(vertices, faces), faces), part
+        uv = None if one.texture is None else one.texture[0]
+        meshes[ids[part]] = ply_of(vertices, vertex_normals(vertices, faces), faces, uv), part
     head = {
         "name": model,
         "title": f"{model}, a body of your own",
@@ -119,5 +125,20 @@ def actor_from_body(
         bending["motion"] = "motion.bvh"
         files["motion.bvh"] = read_bytes(motion_path, MOST_BYTES)
     tables = material_tables(materials, parts, model)
-    written = WrittenModel(head, meshes, tables, [], bending, files)
+    written = WrittenModel(head, meshes, tables, [], bending, files | textures_of(parts))
     return read_actor_model(written.into(Path(folder)) if folder is not None else written.cached())
+
+
+def _texture(path: Path, part: str, skin: Skin) -> tuple[npt.NDArray[np.float64], bytes] | None:
+    """Return the texture coordinates of a part and the image of its base colour as PNG; None where it has none."""
+    if skin.texture is None or skin.uv is None:
+        return None
+    try:
+        data = read_gltf(path).image(skin.texture)
+        return None if data is None else (skin.uv, png_of(read_image(data), skin.color or (1.0, 1.0, 1.0)))
+    except MeshError as error:
+        raise MeshError(f"part '{part}' {error}", path) from None
+    except (OSError, ValueError) as error:
+        raise MeshError(
+            f"part '{part}' has a texture that is not there ({error})", path, "export it with its images"
+        ) from error

@@ -15,11 +15,13 @@ import numpy.typing as npt
 import trimesh
 
 from scarl_sionna.core.errors import MeshError, UnknownNameError
-from scarl_sionna.scene.document.mesh_files import ply_bytes
+from scarl_sionna.scene.document.mesh_files import ply_bytes, ply_of
+from scenes_xml.generators.geometry.mesh import Mesh, finish
 
 from .mesh_checks import check_measures, checked_part, warn_if_open
 from .model import ActorModel, read_actor_model
-from .written import Material, Part, WrittenModel, checked_kind, ids_of, material_tables, rotation
+from .textures import texture_of
+from .written import Material, Part, WrittenModel, checked_kind, ids_of, material_tables, rotation, textures_of
 
 Array = npt.NDArray[np.float64]
 
@@ -56,8 +58,8 @@ def actor_from_mesh(
     materials : str or mapping
         A radio material for all; or a table with ``radio`` and, optional, ``lidar_reflectance``,
         ``lidar_transmittance`` (0 to 1), ``retroreflection``, ``retroreflected_luminance`` [cd/(lx m2)], ``color``
-        (linear RGB, 0 to 1; left out: that of the file, else grey), ``roughness``, ``lamp``, ``source``; or such names
-        or tables by the name of a part or of a material of the file, with ``"*"`` for the rest.
+        (linear RGB, 0 to 1; left out: texture or colour of the file, else grey), ``roughness``, ``lamp``, ``source``;
+        or such names or tables by the name of a part or of a material of the file, with ``"*"`` for the rest.
     scale : float
         Metres in a unit of the file: 0.001 for millimetres.
     up, forward : str, optional
@@ -121,7 +123,11 @@ def actor_from_mesh(
     }
     rows = [_joint(row, ids, model) for row in joints]
     written = WrittenModel(
-        head, {ids[name]: (ply_bytes(part.body), name) for name, part in parts.items()}, tables, rows
+        head,
+        {ids[name]: (_ply(part), name) for name, part in parts.items()},
+        tables,
+        rows,
+        files=textures_of(parts),
     )
     return read_actor_model(written.into(Path(folder)) if folder is not None else written.cached())
 
@@ -140,7 +146,7 @@ def _parts(mesh: str | Path | trimesh.Trimesh | trimesh.Scene, model: str) -> di
         own = checked_part(body, f"part '{node}' of '{model}'")
         own.apply_transform(matrix)
         material = str(getattr(getattr(body.visual, "material", None), "name", None) or "")
-        found[str(node)] = Part(own, material, _color(body))
+        found[str(node)] = Part(own, material, _color(body), _texture(body, own, f"part '{node}' of '{model}'"))
     if not found:
         raise MeshError(
             f"'{model}' holds no triangles",
@@ -148,6 +154,23 @@ def _parts(mesh: str | Path | trimesh.Trimesh | trimesh.Scene, model: str) -> di
             "export the surface as a mesh",
         )
     return found
+
+
+def _texture(body: trimesh.Trimesh, own: trimesh.Trimesh, what: str) -> tuple[Array, bytes] | None:
+    try:
+        found = texture_of(body)
+    except MeshError as error:
+        raise MeshError(f"{what} {error}") from None
+    return found if len(own.vertices) == len(body.vertices) else None
+
+
+def _ply(part: Part) -> bytes:
+    """Return the mesh of a part with shading normals, split at creases, and texture coordinates if it has any."""
+    if part.texture is None:
+        return ply_bytes(part.body)
+    shaded = finish(Mesh(np.asarray(part.body.vertices), np.asarray(part.body.faces), part.texture[0]))
+    assert shaded.normals is not None
+    return ply_of(shaded.vertices, shaded.normals, shaded.faces, shaded.uv)
 
 
 def _loaded(path: Path) -> trimesh.Scene:

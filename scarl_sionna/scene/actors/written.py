@@ -17,6 +17,7 @@ from scarl_sionna.core.errors import MaterialError, MeshError, ParameterRangeErr
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 
 from .model import MOTIONS, check_colors
+from .textures import texture_name
 
 Array = npt.NDArray[np.float64]
 Material = str | Mapping[str, Any]
@@ -35,11 +36,15 @@ _MATERIAL_KEYS = {
 
 
 class Part(NamedTuple):
-    """One part of a file: its mesh, and the name and the linear RGB colour of its material there."""
+    """One part of a file: its mesh, and the name, the linear RGB colour and the texture of its material there.
+
+    The texture: coordinates (num_vertices, 2), v from the top, and an image as PNG; None without one.
+    """
 
     body: trimesh.Trimesh
     material: str
     color: tuple[float, ...]
+    texture: tuple[Array, bytes] | None = None
 
 
 def checked_kind(model: str, semantic: str, motion: str | None, walks: bool, scale: float) -> str:
@@ -101,7 +106,7 @@ def material_tables(
         raise UnknownNameError(f"part or material of mesh '{model}'", unknown[0], known)
     chosen: dict[str, tuple[str, dict[str, Any]]] = {}
     lacking = []
-    for part, (_, material, file_color) in parts.items():
+    for part, (_, material, file_color, texture) in parts.items():
         key = next((key for key in (part, material, "*") if key in by_name), None)
         if key is None:
             lacking.append(f"'{part}'" + (f" (material '{material}')" if material else ""))
@@ -114,8 +119,11 @@ def material_tables(
             raise MaterialError(
                 f"the material of '{key}' of mesh '{model}' lacks 'radio'; name one of docs/materials.md"
             )
-        color = table.pop("color", None) or file_color
+        own_color = table.pop("color", None)
+        color = own_color or file_color
         table["color"] = list(check_colors({"color": color}, {"color": 0}, f"mesh '{model}', '{key}'")["color"])
+        if texture is not None and own_color is None:
+            table["texture"] = texture_name(texture[1])
         name = re.sub(r"[^A-Za-z0-9_]+", "_", model if key == "*" and not material else material or part)
         taken = {bsdf: other for bsdf, other in chosen.values()}
         number = 1
@@ -148,7 +156,7 @@ class WrittenModel:
         xml = ['<scene version="3.0.0">']
         for bsdf, table in bsdfs.items():
             xml.append(_bsdf(bsdf, table))
-            stated = {key: value for key, value in table.items() if key not in ("color", "roughness")}
+            stated = {key: value for key, value in table.items() if key not in ("color", "roughness", "texture")}
             lines += [f"[materials.{bsdf}]", *(f"{key} = {_toml(value)}" for key, value in stated.items()), ""]
         for row in joints:
             lines += ["[[joints]]", *(f"{key} = {_toml(value)}" for key, value in row.items()), ""]
@@ -177,8 +185,8 @@ class WrittenModel:
         return folder
 
     def _into(self, folder: Path) -> None:
-        (folder / "meshes").mkdir(parents=True, exist_ok=True)
         for name, content in self._files.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(content)
 
     def cached(self) -> Path:
@@ -197,11 +205,19 @@ class WrittenModel:
             raise MeshError(f"the model of '{self._name}': {error.strerror or error}, or give `folder`") from error
 
 
+def textures_of(parts: Mapping[str, Part]) -> dict[str, bytes]:
+    """Return the images of parts by their files."""
+    return {texture_name(part.texture[1]): part.texture[1] for part in parts.values() if part.texture is not None}
+
+
 def _bsdf(name: str, table: Mapping[str, Any]) -> str:
     color = " ".join(f"{value:.6g}" for value in table["color"])
+    look = f'<rgb name="base_color" value="{color}"/>'
+    if "texture" in table:
+        file = f'<string name="filename" value="{table["texture"]}"/>'
+        look = f'<texture type="bitmap" name="base_color">{file}</texture>'
     return (
-        f'\t<bsdf type="twosided" id="{name}">\n\t\t<bsdf type="principled">\n\t\t\t<rgb name="base_color" '
-        f'value="{color}"/>\n'
+        f'\t<bsdf type="twosided" id="{name}">\n\t\t<bsdf type="principled">\n\t\t\t{look}\n'
         f'\t\t\t<float name="roughness" value="{float(table.get("roughness", 0.4)):g}"/>\n\t\t</bsdf>\n\t</bsdf>'
     )
 

@@ -195,8 +195,21 @@ def _skins(file: GltfFile, node: int, place: Mapping[int, int], weights: Curve |
         found[name] = Skin(
             vertices, faces, nodes, inverse_bind, joints, shares, np.array(targets).reshape(-1, len(vertices), 3),
             curve, "" if material is None else material.name, color,
+            *_texture(file, primitive, material, len(vertices)),
         )  # fmt: skip # a table
     return found
+
+
+def _texture(
+    file: GltfFile, primitive: GltfPrimitive, material: GltfMaterial | None, count: int
+) -> tuple[Array | None, int | None]:
+    """Return texture coordinates and the number of the texture of a primitive's base colour; None where it has none."""
+    info = None if material is None else material.pbr.texture
+    name = "" if info is None else f"TEXCOORD_{info.coordinates}"
+    if info is None or name not in primitive.attributes:
+        return None, None
+    uv = file.array(primitive.attributes[name], "VEC2")
+    return (uv, info.index) if len(uv) == count else (None, None)
 
 
 def _material(file: GltfFile, number: int | None) -> GltfMaterial | None:

@@ -94,6 +94,10 @@ class Skin:
         Name in the file, "" for none.
     color : tuple of float or None
         Linear RGB, 0 to 1.
+    uv : ndarray of float64, shape (num_vertices, 2), or None
+        Texture coordinates, v from the image's top.
+    texture : int or None
+        Number of the base colour's texture in the file.
     """
 
     vertices: Array
@@ -106,6 +110,8 @@ class Skin:
     target_weights: Curve | None = None
     material: str = ""
     color: tuple[float, ...] | None = None
+    uv: Array | None = None
+    texture: int | None = None
 
     def at(self, time: float, body_from_node: Array, rate: Array) -> tuple[Array, Array]:
         r"""Return the vertices and their velocities [1/s] at a time [s], each (num_vertices, 3), in the body's axes.

@@ -245,12 +245,16 @@ def ply_bytes(body: trimesh.Trimesh) -> bytes:
 
 
 def ply_of(
-    vertices: npt.NDArray[np.float64], normals: npt.NDArray[np.float64], triangles: npt.NDArray[np.int64]
+    vertices: npt.NDArray[np.float64],
+    normals: npt.NDArray[np.float64],
+    triangles: npt.NDArray[np.int64],
+    uv: npt.NDArray[np.float64] | None = None,
 ) -> bytes:
-    """Return a binary PLY of vertices (n, 3) [m], their normals, and faces (m, 3)."""
-    columns = np.concatenate([vertices, normals], axis=1).astype("<f4")
+    """Return a binary PLY of vertices (n, 3) [m], their normals, faces (m, 3), and texture coordinates (n, 2)."""
+    names = ["x", "y", "z", "nx", "ny", "nz", *(() if uv is None else ("u", "v"))]
+    columns = np.concatenate([vertices, normals, *(() if uv is None else (uv,))], axis=1).astype("<f4")
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(columns)}"]
-    header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
+    header += [f"property float {name}" for name in names]
     header += [f"element face {len(triangles)}", "property list uchar int vertex_indices", "end_header", ""]
     faces = np.zeros(len(triangles), dtype=[("count", "u1"), ("index", "<i4", 3)])
     faces["count"], faces["index"] = 3, triangles

@@ -15,11 +15,12 @@ from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 from scarl_sionna.scene.motion.articulation import joints_from_tables
 from scarl_sionna.scene.motion.trajectory import trajectory_from_table
 
+from .interchange import upright, with_own_parts, with_plain_shapes
 from .material_entries import material_entries
 from .model import InstanceEntry, SceneDocument
 from .staging import StagedActor, stage
 from .tables_form import scene_tables
-from .xml_file import bsdf_of, check_shapes, parse_xml
+from .xml_file import bsdf_of, check_shapes, parse_xml, property_of
 
 _TABLES = {"scene", "lighting", "materials", "instances", "actors", "lanes", "parking", "signals"}
 
@@ -31,7 +32,7 @@ _CLASS_HINTS = {
     "wall": "Wall", "fence": "Fence", "pole": "Pole", "sign": "TrafficSign", "guard": "GuardRail", "bridge": "Bridge",
     "water": "Water", "ground": "Ground", "floor": "Ground", "terrain": "Terrain", "plane": "Ground",
 }  # fmt: skip # a table
-"""Word in a shape's id -> class, for scenes without a scene.toml."""
+"""Word in a shape's id or its file's name -> class, for scenes whose classes no scene.toml states."""
 
 
 def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
@@ -52,19 +53,33 @@ def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
         If a BSDF has no radio material.
     """
     root = parse_xml(path)
-    shapes = check_shapes(root, path)
-    bsdf_of_shape = {shape_id: bsdf_of(shape, path) for shape_id, shape in shapes.items()}
     toml_path = path.parent / "scene.toml"
     table: dict[str, Any] = {}
     if toml_path.is_file():
         table = scene_tables(toml_path)
         if unknown := set(table) - _TABLES:
             raise UnknownNameError(f"table of {toml_path.parent.name}/scene.toml", sorted(unknown)[0], _TABLES)
+    up = table.get("scene", {}).get("up")
+    has_own_actors = any("model" not in row for row in table.get("actors", []))
+    if up == "y" and has_own_actors:
+        raise SceneError(
+            'up = "y" does not go with [[actors]] of shapes of the XML',
+            toml_path,
+            "export with z up, or make models of them (ss.actor_from_mesh, up='y')",
+        )
+    with_plain_shapes(root, path)
+    with_own_parts(root, path)
+    upright(root, up, path)
+    sources = {str(shape.get("id")): Path(property_of(shape, "filename")).stem for shape in root.findall("shape")}
+    shapes = check_shapes(root, path)
+    bsdf_of_shape = {shape_id: bsdf_of(shape, path) for shape_id, shape in shapes.items()}
     info = table.get("scene", {})
-    if table:
+    is_stated = "instances" in table or has_own_actors
+    if is_stated:
         instances = _instances_from_table(table, tuple(shapes), toml_path)
     else:
-        instances = tuple(InstanceEntry(name, _guess_class(name), (name,), is_object=True) for name in shapes)
+        guessed = {name: _guess_class(f"{name} {sources[name]}") for name in shapes}
+        instances = tuple(InstanceEntry(name, semantic, (name,), is_object=True) for name, semantic in guessed.items())
     ego = info.get("ego")
     staged = _staged(table, toml_path, detail)
     actors = [entry.name for entry in instances if entry.trajectory is not None] + [actor.name for actor in staged]
@@ -84,7 +99,7 @@ def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
         bsdf_of_shape=bsdf_of_shape,
         ego=ego,
         info=info,
-        is_foreign=not table,
+        is_foreign=not is_stated,
         lighting=_lighting(table.get("lighting", {})),
         lanes=lanes,
     )
@@ -118,8 +133,8 @@ def _lanes(table: Mapping[str, Any]) -> LaneNetwork | None:
     return lanes_from_tables(table.get("lanes", []), table.get("parking", []), table.get("signals"))
 
 
-def _guess_class(shape_id: str) -> str:
-    lower = shape_id.lower()
+def _guess_class(names: str) -> str:
+    lower = names.lower()
     return next((semantic for word, semantic in _CLASS_HINTS.items() if word in lower), "Other")
 
 

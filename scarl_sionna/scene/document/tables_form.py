@@ -72,6 +72,7 @@ class _Actor(Table):
 class _SceneHead(Table):
     name: Text = ""
     ego: Text | None = None
+    up: Text | None = None
 
 
 class _Scene(Table):

@@ -9,6 +9,7 @@ from scarl_sionna.core.errors import InputFileError, SceneError
 from scarl_sionna.core.untrusted.xml_text import read_xml
 
 from .analytic import ANALYTIC_PLUGINS, mesh_element
+from .interchange import included
 from .mesh_files import check_mesh
 
 MESH_PLUGINS = ("ply", "obj", "cube")
@@ -16,7 +17,10 @@ MESH_PLUGINS = ("ply", "obj", "cube")
 
 
 def parse_xml(path: Path) -> ET.Element:
-    """Return the root of a Mitsuba XML, with defaults put in and file names made absolute; raises `SceneError`."""
+    """Return the root of a Mitsuba XML; raises `SceneError`.
+
+    Included files and defaults are put in, and file names made absolute.
+    """
     if not path.is_file():
         raise SceneError("scene file not found", path, "give the name of a scene or the path of a Mitsuba XML")
     try:
@@ -27,6 +31,7 @@ def parse_xml(path: Path) -> ET.Element:
         raise SceneError(f"cannot be read ({error.strerror})", path, "check its permissions") from error
     if root.tag != "scene":
         raise SceneError(f"the root element is <{root.tag}>, not <scene>", path, "give a Mitsuba 3 scene")
+    included(root, path)
     _substitute_defaults(root)
     for element in root.iter("string"):
         if element.get("name") == "filename":
@@ -59,7 +64,7 @@ def check_shapes(root: ET.Element, path: Path) -> dict[str, ET.Element]:
                 f"shape '{shape_id}' is a '{kind}'; only meshes ({', '.join(MESH_PLUGINS)}) and "
                 f"{', '.join(ANALYTIC_PLUGINS)} can carry radio paths",
                 path,
-                "convert it to a mesh, for instance with trimesh",
+                "export it as PLY or OBJ, or convert it to a mesh, for instance with trimesh",
             )
         if not shape_id:
             raise SceneError(f"a shape of type '{kind}' has no id", path, 'add id="..." to every shape')

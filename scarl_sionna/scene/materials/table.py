@@ -32,10 +32,9 @@ BUILTIN_FILE = Path(__file__).with_name("materials.toml")
 class UnknownMaterialError(MaterialError, UnknownNameError):
     """A material's name is not in the table."""
 
-    def __init__(self, name: str, known: Iterable[str]) -> None:
-        UnknownNameError.__init__(
-            self, "radio material", name, known, "or add a sourced entry to a materials.toml of your own"
-        )
+    def __init__(self, name: str, known: Iterable[str], remedy: str = "") -> None:
+        more = remedy or "or add a sourced entry to a materials.toml of your own"
+        UnknownNameError.__init__(self, "radio material", name, known, more)
 
     __str__ = UnknownNameError.__str__
 
