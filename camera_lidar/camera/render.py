@@ -15,6 +15,7 @@ from scarl_sionna.engine import variant
 from scarl_sionna.engine.light.glow import glow_integrator
 from scarl_sionna.engine.light.haze import Haze, haze_integrator
 from scarl_sionna.engine.light.many_lamps import lamp_table, many_lamps_integrator
+from scarl_sionna.engine.light.recorded import Recordings, may_record, recording, rendered
 from scarl_sionna.engine.light.retroreflectors import Retroreflectors
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import MitsubaObject
@@ -24,7 +25,7 @@ from .denoise import denoise
 from .develop import develop
 from .energy import keep_energy
 from .falling import add_falling
-from .ray_sensor import launch_samples, ray_sensor
+from .ray_sensor import launch_samples, ray_sensor, ray_table
 from .shining import lamp_light
 from .shutter import Band, bands, exposure_moments
 
@@ -162,7 +163,9 @@ def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
             back = Retroreflectors.of(state.world.parts)
             integrator = many_lamps_integrator(mi, scene, view.spec.max_depth, ROULETTE_DEPTH, back)
         integrator = integrator or mi.load_dict(integrator_dict(view.spec))
-        traced = _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
+        kept = None if has_lamps(state) else _recordings(mi, state)
+        inner = integrator if haze is None else haze_integrator(mi, integrator, haze)
+        traced = _launched(mi, scene, inner, view, 3, kept)
         if haze is not None and glows(state):
             lamps = lamp_table(mi, scene)
             if lamps is not None:
@@ -196,16 +199,28 @@ def _shining(state: WorldState, view: _View, share: float) -> tuple[npt.NDArray[
 
 
 def _launched(
-    mi: ModuleType, scene: MitsubaObject, integrator: MitsubaObject, view: _View, channels: int
+    mi: ModuleType,
+    scene: MitsubaObject,
+    integrator: MitsubaObject,
+    view: _View,
+    channels: int,
+    recordings: Recordings | None = None,
 ) -> npt.NDArray[np.float64]:
-    """Return the mean of the last `channels` over several launches."""
+    """Return the mean of the last `channels` over several launches, recorded in the scene's recordings if given."""
     spec, seed = view.spec, view.seed
     total = np.zeros((spec.height, spec.width, channels), dtype=np.float64)
     for launch, count in enumerate(launch_samples(view.samples, MOST_RAYS // (spec.width * spec.height))):
-        sensor = ray_sensor(mi, spec, view.pose, count)
         number = (seed + 104729 * launch) % 2**32
-        with many_threads():
-            image = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=number, spp=count))
+        if recordings is None:
+            sensor = ray_sensor(mi, spec, view.pose, count)
+            with many_threads():
+                image = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=number, spp=count))
+        else:
+            kind = integrator.class_name(), spec.width, spec.height, spec.max_depth, count
+            if kind not in recordings:
+                recordings[kind] = recording(mi, ray_sensor(mi, spec, view.pose, count), integrator, count)
+            with many_threads():
+                image = rendered(mi, scene, recordings[kind], ray_table(spec, view.pose), number)
         total += count / view.samples * image.astype(np.float64)[..., -channels:]
     return total
 
@@ -215,7 +230,13 @@ def _guides(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     scene = state.optical_scene()
     with variant.optical() as mi:
         integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
-        return _launched(mi, scene, integrator, view, 6)
+        return _launched(mi, scene, integrator, view, 6, _recordings(mi, state))
+
+
+def _recordings(mi: ModuleType, state: WorldState) -> Recordings | None:
+    """Return the recordings of the state's scene; None if its images may not be recorded."""
+    twin = state.world.twin("optical")
+    return twin.recordings if may_record(mi, twin.mi_scene) else None
 
 
 def render_rgb(
