@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import trimesh
 
 from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.auto import AutoSettings
 from scarl_sionna.core.settings.plan import ChannelPlan, Share
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
+from scarl_sionna.radar.channel.compose.auto import _planned
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
+from scarl_sionna.radar.channel.compose.expected_error import levels_db, reverse_doubts
+from scarl_sionna.radar.channel.compose.verify import _chain, _Work, met
 from tests.oracles.rcs import TRIHEDRAL_MESH
-from tests.scenes import Thing, box, plane, write_scene
+from tests.scenes import Thing, ball, box, plane, write_scene
 
 RADAR = RadarSpec()
 POSE = Pose([0.0, 0.0, 0.6])
@@ -167,3 +175,97 @@ def test_what_is_too_dear_with_its_reflection_is_compared_without_it(tmp_path) -
     ]
     assert abs(alone[0] - alone[1]) > 0.2
     assert row["second_look_db"] == pytest.approx(abs(alone[0] - alone[1]), abs=0.1)
+
+
+def test_what_bounces_both_ways_is_as_strong_either_way_and_a_lack_of_one_is_a_doubt(tmp_path) -> None:
+    """Two plates at a right angle: reciprocity holds; of which one way is taken away by half, by hand."""
+    things = [
+        Thing("corner", plane(2.0, 2.0, (21, 1, 1), (-1, -1, 0)), "Static", "steel"),
+        Thing("van", plane(2.0, 2.0, (21, -1, 1), (-1, 1, 0)), "Static", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    paths = traced(state, SbrSettings(max_phase=1.0, integration_phase=0.1, floor_db=None))
+    whole = reverse_doubts(paths, RADAR, (1, 2), (1, 2))
+    assert set(whole) == {1, 2} and max(whole.values()) < 0.1
+    assert reverse_doubts(paths, RADAR, (1, 2), (1,)) == {}  # the other way was not traced
+    there = paths.select((paths.instance[:, 0] == 1) & (paths.instance[:, 1] == 2))
+    half = np.where((paths.instance[:, 0] == 1) & (paths.instance[:, 1] == 2), 0.5, 1.0)
+    found = reverse_doubts(replace(paths, a=paths.a * half[:, None, None]), RADAR, (1, 2), (1, 2))
+    field = power_db(there, 1) - 20.0 * np.log10(2.0)  # what is lacking is half of that way's field
+    for number in (1, 2):
+        echo = power_db(replace(paths, a=paths.a * half[:, None, None]), number)
+        assert found[number] == pytest.approx(20 * np.log10(1 + 10 ** ((field - echo) / 20)), rel=0.05)
+
+
+def test_a_ball_seen_in_a_sign_is_found_by_its_reverse_and_computed_finer(tmp_path) -> None:
+    """Both coarse levels cut the ball's faces too coarsely behind the sign: 5 dB that no second look of theirs sees."""
+    things = [
+        Thing("corner", plane(0.921, 0.809, (22.487, 1.805, 1.255), (-0.946, -0.262, -0.034)), "TrafficSign", "steel"),
+        Thing("van", ball(0.372, (10.633, -3.913, 0.365), 5), "Static", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    fine = SbrSettings(max_phase=0.4, integration_phase=0.05, edge_share=0.0625, sheet_share=0.05, max_depth=5)
+    true = power_db(traced(state, fine), 1)
+    settled, unpaid = (solved(state, channel_tolerance_db=3.0, refine_share=share) for share in (0.5, 0.0))
+    assert abs(power_db(unpaid, 1) - true) > 4.0 and abs(power_db(settled, 1) - true) < 1.5
+    assert rows(settled)["corner"]["refined"] and not rows(unpaid)["corner"]["refined"]
+    assert rows(unpaid)["corner"]["expected_error_db"] > 3.0  # the doubt stays
+    assert settled.diagnostics["second_look_tubes"] < 0.5 * settled.diagnostics["predicted"]["tubes"]
+
+
+def test_an_object_of_which_hardly_anything_is_seen_is_computed_finer(tmp_path) -> None:
+    """A van behind a wall but for 5 cm of its edge."""
+    things = [
+        Thing("wall", box((0.2, 6.0, 4.0), (15, -1.93, 1.5)), "Static", "steel"),
+        Thing("van", box((4, 2, 2), (22, 0.49, 1.25)), "Car", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    paths = solved(state, channel_tolerance_db=3.0)
+    row = rows(paths)["van"]
+    assert 0.0 < row["visible_share"] * AutoSettings().num_probes < 5.5
+    assert row["refined"] and not rows(solved(state, channel_tolerance_db=3.0, few_probes=0))["van"]["refined"]
+
+
+def test_as_many_of_the_bright_objects_keep_the_tolerance(state) -> None:
+    """Nineteen weak objects that are right do not make up for the one bright one of two that is not."""
+    view = SimpleNamespace(rules=AutoSettings(), settings=SimpleNamespace(accuracy=Accuracy(channel_tolerance_db=3.0)))
+    item = SimpleNamespace(expected_db=60.0, is_coherent=True, info=SimpleNamespace(is_object=True))
+    choices = [
+        SimpleNamespace(item=SimpleNamespace(**vars(item), number=k), over_budget=False, method="sbr", without=None)
+        for k in range(22)
+    ]
+    errors = {number: 0.1 for number in range(22)} | {0: 100.0}
+    weak = dict.fromkeys(range(2, 22), 12.0)
+    assert met(choices, errors, view, weak | {0: 12.0, 1: 50.0})["num_counted"] == 22
+    assert met(choices, errors, view)["met"]
+    assert not met(choices, errors, view, weak | {0: 50.0, 1: 50.0})["met"]
+    assert met(choices, errors, view, dict.fromkeys(range(22), 5.0))["num_counted"] == 1  # but for its error too weak
+
+
+def test_what_is_taken_from_a_finer_solve_is_there_once_with_what_only_its_reverse_traces(tmp_path) -> None:
+    """Two plates at a right angle over a road: (road, b, a) is the reverse of (a, b, road), where a is lit."""
+    things = [
+        Thing("road", plane(64.0, 16.0, (30, 0, 0)), "Roads", "steel", is_object=False),
+        Thing("a", plane(2.0, 2.0, (21, 1, 1.1), (-1, -1, 0)), "Static", "steel"),
+        Thing("b", plane(2.0, 2.0, (21, -1, 1.1), (-1, 1, 0)), "Static", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    settings = RadarSettings().changed(
+        "auto", channel_tolerance_db=3.0, auto={"look_share": 0.0, "refine_share": 0.0}, **MUCH
+    )
+    view, chosen, plan = _planned(state, RADAR, Mount.of(POSE), settings)
+    before = solved(state, method="hybrid", plan=plan)
+    numbers = {state.world.instances[number].name: number for number in state.world.instances}
+    a, b = numbers["a"], numbers["b"]
+    work = _Work(view, chosen, plan, before)
+    work._take(work._traced([a], LEVELS[1.0], [a]), [a], LEVELS[1.0])
+    shares = tuple(replace(share, settings=sbr_settings(LEVELS[1.0])) for share in plan.shares if share.solver == "sbr")
+    finer = solved(state, method="hybrid", plan=replace(plan, shares=shares))
+
+    def strength(paths, number):
+        return levels_db(paths, RADAR, [a, b])[number]
+
+    assert strength(work.result.paths, b) == pytest.approx(strength(before, b), abs=1e-9)
+    assert strength(work.result.paths, a) == pytest.approx(strength(finer, a), abs=0.3)
+    reversed_ones = before.instance[(before.instance[:, 0] == numbers["road"]) & (before.instance[:, 1] == a)]
+    assert any(_chain(row)[:3] == (numbers["road"], a, b) for row in reversed_ones)  # it is there to be lost

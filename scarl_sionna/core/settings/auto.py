@@ -171,12 +171,18 @@ class AutoSettings(Spec):
         description="number of tubes of the second look over that of the solve, at most; 0: none; docs/accuracy.md, "
         "second look",
     )
+    few_probes: int = Field(
+        5,
+        ge=0,
+        description="an object is doubtful if it is seen, but by no more than this number of its `num_probes` points; "
+        "docs/accuracy.md, second look",
+    )
     refine_share: float = Field(
         0.5,
         ge=0.0,
         le=4.0,
-        description="number of tubes of what is computed at the next finer level, since the tolerance is not met, over "
-        "that of the solve, at most; docs/accuracy.md, second look",
+        description="number of tubes of what is computed at a finer level, since it is doubtful or the tolerance is "
+        "not met, over that of the solve, at most; docs/accuracy.md, second look",
     )
     counts_from_db: Decibels = Field(
         10.0,

@@ -87,7 +87,7 @@ def solve_auto(
     planned = time.perf_counter() - start
     again = verified(view, chosen, plan, solve_hybrid(state, radar, mount, settings.with_(plan=plan)))
     paths = again.paths
-    kept = met(choices, again.errors, view)
+    kept = met(choices, again.errors, view, again.levels)
     _warn_of_tolerance(kept, chosen, settings)
     diagnostics = dict(paths.diagnostics)
     diagnostics |= {

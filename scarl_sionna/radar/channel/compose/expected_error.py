@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -60,6 +61,55 @@ def expected_errors(
     error = 20.0 * np.log10(1.0 + np.sqrt(square))
     met = np.bincount(place, minlength=count) > 0
     return {number: float(error[k]) for k, number in enumerate(sorted(numbers)) if met[k]}
+
+
+def reverse_doubts(
+    paths: RadarPaths, radar: RadarSpec, numbers: Sequence[int], lit: Collection[int]
+) -> dict[int, float]:
+    r"""Return by how much the two directions of bounces between objects differ, against the echo of each [dB].
+
+    Parameters
+    ----------
+    paths : RadarPaths
+        Of a monostatic radar.
+    radar : RadarSpec
+    numbers : sequence of int
+        Instance ids of objects computed by `sbr`.
+    lit : collection of int
+        Those of them on which tubes started: only what begins and ends at two of these has been traced both ways.
+
+    Notes
+    -----
+    A wave that meets object n first and another one last has a twin that runs the other way, with the same VV field
+    (reciprocity). The two are traced from other faces by other tubes, so with the sum A of all that begin at n and end
+    elsewhere, and B of all that end at n and began elsewhere,
+
+    .. math:: 20 \log_{10}\left(1 + \sqrt{\langle|A - B|^2\rangle / \langle|\sum a|^2\rangle}\right)
+
+    tells what tubes lack that both levels of a second look lack. Side lobes of a bounce have no exact twin in physical
+    optics, so it is a doubt, not an error.
+
+    References
+    ----------
+    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., 2012, section 7.5 (reciprocity).
+    """
+    order = np.sort(numbers)
+    first, last = owners(paths, numbers), owners(paths, numbers, last=True)
+    some = list(lit)
+    between = (first != last) & np.isin(first, some) & np.isin(last, some) & ~paths.filled("random_phase")
+    rows = np.flatnonzero(between)
+    if not len(rows):
+        return {}
+    begin, end = np.searchsorted(order, first[rows]), np.searchsorted(order, last[rows])
+    twice = paths.select(np.concatenate([rows, rows]))
+    twice = replace(twice, a=twice.a * np.repeat([1.0, -1.0], len(rows))[:, None, None])
+    place = np.concatenate([begin, end])
+    apart = band_power(twice, radar, np.arange(len(place)), place, len(order), NUM_FREQUENCIES)
+    found = {}
+    for number, level in levels_db(paths, radar, numbers).items():
+        square = apart[int(np.searchsorted(order, number))] / 10.0 ** (level / 10.0)
+        found[number] = min(20.0 * float(np.log10(1.0 + np.sqrt(square))), MOST_DB)
+    return found
 
 
 def kept_error(errors: Sequence[float], bounds: Sequence[float], share: float, fit: ErrorEstimate) -> float:
@@ -123,10 +173,11 @@ def levels_db(paths: RadarPaths, radar: RadarSpec, numbers: Sequence[int]) -> di
     return {number: 10.0 * float(np.log10(max(power[k], 1e-40))) for k, number in enumerate(order)}
 
 
-def owners(paths: RadarPaths, numbers: Sequence[int]) -> npt.NDArray[np.int64]:
-    """Return the first of some objects that each path meets, -1 if it meets none, shape (num_paths,)."""
+def owners(paths: RadarPaths, numbers: Sequence[int], last: bool = False) -> npt.NDArray[np.int64]:
+    """Return the first (or last) of some objects that each path meets, -1 if it meets none, shape (num_paths,)."""
     owner = np.full(paths.num_paths, -1, dtype=np.int64)
-    for column in range(paths.instance.shape[1]):
+    columns = range(paths.instance.shape[1])
+    for column in reversed(columns) if last else columns:
         here = paths.instance[:, column]
         owner = np.where((owner < 0) & np.isin(here, numbers), here, owner)
     return owner
