@@ -120,7 +120,7 @@ def test_it_costs_no_more_than_its_share_and_can_be_left_out(state) -> None:
 
 def test_objects_that_may_miss_the_tolerance_are_computed_at_the_next_finer_level(state) -> None:
     """With a difference that counts for so much that the tolerance cannot be taken to be met."""
-    doubt = {"look_share": 1.0, "errors": {"difference": 200.0}}
+    doubt = {"look_share": 1.0, "errors": {"difference": 10.0}}
     paths = solved(state, channel_tolerance_db=3.0, auto={**doubt, "refine_share": 4.0})
     plain = solved(state, channel_tolerance_db=3.0, look_share=0.0, refine_share=0.0)
     finer = traced(state, sbr_settings(LEVELS[1.0]))
@@ -131,6 +131,10 @@ def test_objects_that_may_miss_the_tolerance_are_computed_at_the_next_finer_leve
         assert power_db(paths, number) == pytest.approx(power_db(expected, number), abs=1e-6), name
     unpaid = solved(state, channel_tolerance_db=3.0, auto={**doubt, "refine_share": 0.0})
     assert unpaid.diagnostics["num_refined"] == 0 and not unpaid.diagnostics["met"]
+    vain = solved(
+        state, channel_tolerance_db=3.0, auto={**doubt, "errors": {"difference": 6000.0}, "refine_share": 4.0}
+    )
+    assert vain.diagnostics["num_refined"] == 0 and not vain.diagnostics["met"]  # no finer level would be enough
 
 
 def test_at_the_coarsest_level_the_look_is_finer_and_its_paths_are_taken(state) -> None:

@@ -258,19 +258,17 @@ class _Work:
         """Compute objects with the largest expected errors at a finer level, as many as the tolerance asks for."""
         cost, errors = self._cost(level), dict(self.result.errors)
         gain = level.tolerance_db / self.chosen.level.tolerance_db
-        left = set(self.counted) - set(self.result.refined)
-        best = {number: 0.0 if number in left else error for number, error in errors.items()}
-        if not met(self.chosen.choices, best, self.view, self.result.levels)["met"]:
-            return  # what is doubtful still is: the others would be computed in vain
         chosen: list[int] = []
-        for number in sorted(left, key=lambda one: (-errors[one], one)):
-            if met(self.chosen.choices, errors, self.view, self.result.levels)["met"]:
+        is_met = False
+        for number in sorted(set(self.counted) - set(self.result.refined), key=lambda one: (-errors[one], one)):
+            if is_met := met(self.chosen.choices, errors, self.view, self.result.levels)["met"]:
                 break
             if cost[number] <= budget:
                 budget -= cost[number]
                 errors[number] *= gain  # what is hoped for: the solve says what it is
                 chosen.append(number)
-        if not chosen:
+        is_met = is_met or met(self.chosen.choices, errors, self.view, self.result.levels)["met"]
+        if not chosen or not is_met:  # what is in doubt or too dear still is: the others would be computed in vain
             return
         self._take(self._traced(chosen, level, chosen), chosen, level)
         self.result.tubes += sum(cost[number] for number in chosen)
