@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -289,6 +289,23 @@ class RadarPaths(
         rest = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in changed}
         return RadarPaths(**changed, **rest)
 
+    def reversed(self) -> RadarPaths:
+        """Return the same paths the other way round, with the two radars exchanged (reciprocity).
+
+        `semantic` stays that of the last scatterer of the paths as they are.
+
+        Raises
+        ------
+        ParameterRangeError
+            If there are paths of mirror reflections only.
+        """
+        if self.is_mirror_chain.any():
+            raise ParameterRangeError("paths", "of mirror reflections only", "paths with a scatterer", "select others")
+        swapped = {f"{one}_{what}": getattr(self, f"{other}_{what}") for one, other, what in _ENDS}
+        world = {"world_from_tx": self.world_from_rx, "world_from_rx": self.world_from_tx}
+        columns = {name: _backward(getattr(self, name), self.depth) for name in ("instance", "interaction")}
+        return replace(self, a=self.a.transpose(0, 2, 1).copy(), **swapped, **world, **columns)
+
 
 _AT_HAND = 1e-9
 """A point this near [m] is at the observer: a guard against division by zero."""
@@ -338,6 +355,19 @@ def _over_one_band(blocks: Sequence[RadarPaths]) -> list[npt.NDArray[Any]]:
         raise ParameterRangeError("blocks", "of several bands", allowed, "solve all with the same num_band_frequencies")
     ones = (np.ones((block.num_paths, count), dtype=np.complex128) for block in blocks)
     return [one if block.over_band is None else block.over_band for block, one in zip(blocks, ones, strict=True)]
+
+
+_ENDS = tuple(
+    (one, other, what) for what in ("point", "velocity", "twist") for one, other in (("tx", "rx"), ("rx", "tx"))
+)
+"""Columns of the two ends of a path."""
+
+
+def _backward(labels: npt.NDArray[np.int32], depth: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """Return the labels of chains from the other end, -1 beyond their depth, shape (num_paths, max_depth)."""
+    step = np.arange(labels.shape[1])
+    place = np.where(step < depth[:, None], depth[:, None] - 1 - step, step)
+    return np.take_along_axis(labels, place, axis=1)
 
 
 def _padded(labels: npt.NDArray[np.int32], width: int) -> npt.NDArray[np.int32]:

@@ -126,3 +126,60 @@ def test_rate_of_a_bistatic_path(tmp_path) -> None:
     expected += home @ (velocity - other) / np.linalg.norm(home, axis=1)
     assert paths.num_paths > 10
     assert paths.length_rate == pytest.approx(expected, abs=1e-12)  # float64 of numbers near 10
+
+
+def _pair(degrees: float):
+    """Ends of a pair 60 and 40 m away, apart by an angle, seen from the side of a body at the origin."""
+    ends = ((1.35, -0.03), (1.35, -0.03 + np.radians(degrees)))
+    return tuple(_looking_back(*angles, distance) for angles, distance in zip(ends, (60.0, 40.0), strict=True))
+
+
+@pytest.mark.parametrize("turn", [-0.2, 0.1, 0.5])
+def test_a_pair_10_deg_apart_is_reciprocal_where_it_is_solved_from_either_end(tmp_path, turn: float) -> None:
+    """A box in four polarisations, at and beside its flashes; one sense alone is decibels off."""
+    mesh = box((0.2, 0.15, 0.1))
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(turn, (0, 0, 1)))
+    state = load_scene(write_scene(tmp_path, [Thing("target", mesh, "Static", "steel")])).at(0.0)
+    tx, rx = _pair(10.0)
+
+    def field(first, second, reciprocal):
+        knobs = ALL.with_(reciprocal=reciprocal)
+        return _signal(solve_paths(state, RADAR, first, method="sbr", receiver=second, settings=knobs))
+
+    there, back = field(tx, rx, True), field(rx, tx, True)
+    largest = np.abs(there).max()
+    assert np.abs(there - back.T).max() < 1e-9 * largest
+    one, other = field(tx, rx, False), field(rx, tx, False)
+    assert np.abs(there - (one + other.T) / 2.0).max() < 1e-9 * largest
+    assert np.abs(one - other.T).max() > 1e-3 * largest  # it is there to be mended
+
+
+def test_the_mean_of_both_senses_of_a_plate_has_the_mean_cosine(tmp_path) -> None:
+    """H across the plane of incidence: physical optics has the cosine of incidence, from the other end that of leaving.
+
+    M. I. Skolnik (ed.), Radar Handbook, 3rd ed., 2008, chapter 14: the current is 2 n x H of the incident wave.
+    """
+    state = load_scene(write_scene(tmp_path, [Thing("target", plane(0.05, 0.04, normal=(1, 0, 0)), "Static", "steel")]))
+    tx, rx = (_looking_back(np.pi / 2.0, azimuth, 80.0) for azimuth in np.radians([20.0, 30.0]))
+    found = {
+        name: _signal(
+            solve_paths(state.at(0.0), RADAR, tx, method="sbr", receiver=rx, settings=ALL.with_(reciprocal=name))
+        )
+        for name in (False, True)
+    }
+    cosine = np.cos(np.radians([20.0, 30.0]))
+    ratio = np.abs(np.diag(found[True]) / np.diag(found[False]))
+    either = [cosine.mean() / cosine[0], cosine.mean() / cosine[1]]  # V: E along z keeps to the one, H to the other
+    assert sorted(ratio) == pytest.approx(sorted(either), rel=2e-3)
+
+
+def test_radars_that_change_places_see_the_same_path_the_other_way_round(tmp_path) -> None:
+    mesh = _trihedral(0.1)
+    state = load_scene(write_scene(tmp_path, [Thing("target", mesh, "Static", "steel")])).at(0.0)
+    tx, rx = (_looking_back(0.955, azimuth, 30.0) for azimuth in (0.75, 0.8))
+    paths = solve_paths(state, RADAR, Mount(tx, Twist((1.0, 0, 0))), method="sbr", receiver=Mount(rx), settings=ALL)
+    turned = paths.reversed()
+    assert turned.world_from_tx is paths.world_from_rx and turned.tx_twist == paths.rx_twist
+    assert turned.length == pytest.approx(paths.length, abs=1e-12)
+    assert np.array_equal(turned.length_rate, paths.length_rate) and np.array_equal(turned.tx_point, paths.rx_point)
+    assert np.array_equal(turned.reversed().a, paths.a) and np.array_equal(turned.reversed().instance, paths.instance)

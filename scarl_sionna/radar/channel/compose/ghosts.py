@@ -97,7 +97,7 @@ def paths_through_mirrors(
         met = tuple(mirror.number for mirror in there), tuple(mirror.number for mirror in back)
         blocks.append((block, met))
         if there is not back:
-            blocks.append((_reversed(block), met[::-1]))
+            blocks.append((block.reversed(), met[::-1]))
     return blocks
 
 
@@ -159,19 +159,6 @@ def _chained(
     ]
     columns = np.concatenate([ends[0], own, ends[1][:, ::-1]], axis=1)
     return np.take_along_axis(columns, np.argsort(columns == -1, axis=1, kind="stable"), axis=1).astype(np.int32)
-
-
-def _reversed(block: RadarPaths) -> RadarPaths:
-    """Return the same paths the other way round."""
-    changed: dict[str, Any] = {name: value for name, value in vars(block).items()}
-    changed |= {"tx_point": block.rx_point, "rx_point": block.tx_point, "a": block.a.transpose(0, 2, 1).copy()}
-    changed |= {"tx_velocity": block.rx_velocity, "rx_velocity": block.tx_velocity}
-    for name in ("instance", "interaction"):
-        column = getattr(block, name)
-        step = np.arange(column.shape[1])
-        backward = np.where(step < block.depth[:, None], block.depth[:, None] - 1 - step, step)
-        changed[name] = np.take_along_axis(column, backward, axis=1)
-    return RadarPaths(**changed)
 
 
 def of_models(state: WorldState, radar: RadarSpec, models: Sequence[PlacedModel]) -> FromImages:

@@ -108,10 +108,31 @@ def solve_sbr(
         check_antennas(state, radar, station.pose)
     chosen, left_out = _chosen(state, settings.instances)
     bodies = Bodies(state, radar, settings, chosen)
-    work = Work(bodies, stations_of(radar, mount, receiver))
-    (knobs,), cost = affordable([work], settings.accuracy, settings.auto.levels)
-    found = solve_bodies(with_knobs(bodies, knobs), mount, receiver, left_out)
+    ends = [(mount, receiver)]
+    if receiver is not None and bodies.knobs.reciprocal:
+        ends.append((receiver, mount))
+    work = [Work(bodies, stations_of(radar, *pair)) for pair in ends]
+    knobs, cost = affordable(work, settings.accuracy, settings.auto.levels)
+    bodies = with_knobs(bodies, knobs[0])
+    both = [solve_bodies(bodies, *pair, left_out) for pair in ends]
+    found = both[0] if len(both) == 1 else _of_both_senses(state, both)
     return replace(found, diagnostics={**found.diagnostics, "estimate": cost.report()})
+
+
+def _of_both_senses(state: WorldState, both: Sequence[RadarPaths]) -> RadarPaths:
+    """Return the mean of the fields of a pair of radars and of the same pair with the ends exchanged.
+
+    Of what rough surfaces scatter the powers have their mean, since the phases are drawn anew.
+    """
+    table = state.world.instances
+    halves = []
+    for paths in (both[0], both[1].reversed()):
+        share = np.where(paths.filled("random_phase"), np.sqrt(0.5), 0.5)
+        last = np.take_along_axis(paths.instance, paths.depth[:, None].astype(np.int64) - 1, axis=1)[:, 0]
+        names, place = np.unique(last, return_inverse=True)
+        semantic = np.array([table[int(number)].semantic for number in names], dtype=np.uint8)[place]
+        halves.append(replace(paths, a=paths.a * share[:, None, None], semantic=semantic))
+    return RadarPaths.concatenate(halves, both[0].diagnostics)
 
 
 def stations_of(radar: RadarSpec, mount: Mount, receiver: Mount | None = None) -> tuple[Viewpoint, Viewpoint]:
