@@ -301,10 +301,10 @@ class RadarPaths(
         """
         if self.is_mirror_chain.any():
             raise ParameterRangeError("paths", "of mirror reflections only", "paths with a scatterer", "select others")
-        swapped = {f"{one}_{what}": getattr(self, f"{other}_{what}") for one, other, what in _ENDS}
-        world = {"world_from_tx": self.world_from_rx, "world_from_rx": self.world_from_tx}
-        columns = {name: _backward(getattr(self, name), self.depth) for name in ("instance", "interaction")}
-        return replace(self, a=self.a.transpose(0, 2, 1).copy(), **swapped, **world, **columns)
+        swapped: dict[str, Any] = {f"{one}_{what}": getattr(self, f"{other}_{what}") for one, other, what in _ENDS}
+        swapped |= {"world_from_tx": self.world_from_rx, "world_from_rx": self.world_from_tx}
+        swapped |= {name: _backward(getattr(self, name), self.depth) for name in ("instance", "interaction")}
+        return replace(self, a=self.a.transpose(0, 2, 1).copy(), **swapped)
 
 
 _AT_HAND = 1e-9

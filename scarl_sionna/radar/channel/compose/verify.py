@@ -150,7 +150,7 @@ def met(
             [error for number, error in group.items() if (levels or {}).get(number, np.inf) + error >= least]
             for group in (found, bounds)
         ]
-        return len(some[0]) + len(some[1]), kept_error(*some, ENOUGH, rules.errors)
+        return len(some[0]) + len(some[1]), kept_error(some[0], some[1], ENOUGH, rules.errors)
 
     (counted, expected), (_, of_bright) = kept(0.0), kept(BRIGHT_DB)
     expected = max(expected, of_bright)
