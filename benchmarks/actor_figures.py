@@ -2,7 +2,7 @@
 
 Contact sheets of all models, detailed and light, and of their colours.
 
-python benchmarks/actor_figures.py [--figures docs/figures] [--sheets vehicles people ages colours]
+python benchmarks/actor_figures.py [--figures docs/figures] [--sheets vehicles people ages companions colours]
 python benchmarks/actor_figures.py --only saloon bus [--views front rear] [--width 560] [--samples 12]
 
 With --only, one sheet of those models is written (actors_chosen.webp), for a look while a model is made.
@@ -29,6 +29,8 @@ from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.scenario.motion.bodies import ActorBody, usual_pace
 from scarl_sionna.scene.actors.model import actor_names, person_ages
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, StaticTrajectory
+from scenes_xml.actors.bodies import family
+from scenes_xml.actors.bodies.companions import MODELS as COMPANIONS
 
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
 COLORFUL = ("saloon", "van", "lorry", "bus")
@@ -131,7 +133,7 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
         save_photo(sheet(tiles, 3), folder / "actors_rear.webp")
     if "people" in wanted:
         size = (230, 300)
-        names = [name for name in actor_names() if name not in VEHICLES and name not in person_ages()]
+        names = [name for name in actor_names() if name not in VEHICLES and name not in family.names()]
         tiles = [
             (f"{name}{', light' if level == 'light' else ''}", studio.picture(name, level, "front", size, samples))
             for level in ("detailed", "light")
@@ -143,6 +145,9 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
             (name, studio.picture(name, "detailed", "front", (118, 208), samples, tall=True)) for name in person_ages()
         ]
         save_photo(sheet(tiles, 11), folder / "actors_ages.webp")
+    if "companions" in wanted:
+        tiles = [(name, studio.picture(name, "detailed", "front", (240, 250), samples)) for name in COMPANIONS]
+        save_photo(sheet(tiles, len(tiles)), folder / "actors_companions.webp")
     if "colours" in wanted:
         tiles = []
         for name in COLORFUL:
@@ -156,7 +161,7 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--figures", type=Path, default=Path("docs/figures"))
-    parser.add_argument("--sheets", nargs="*", default=["vehicles", "people", "ages", "colours"])
+    parser.add_argument("--sheets", nargs="*", default=["vehicles", "people", "ages", "companions", "colours"])
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--views", nargs="*", default=["front", "rear"], choices=VIEWS)
     parser.add_argument("--levels", nargs="*", default=["detailed", "light"])

@@ -2,7 +2,7 @@
 
 python benchmarks/measured_rcs.py measure [--only adult_man ...]   writes docs/figures/data/measured_rcs.json, 20 min
 python benchmarks/measured_rcs.py table                            the table of docs/actors.md
-python benchmarks/measured_rcs.py figures                          docs/figures/rcs_people.png and rcs_road_users.png
+python benchmarks/measured_rcs.py figures          docs/figures/rcs_people.png, rcs_ages.png, rcs_road_users.png
 
 People are looked at as in the JRC's measurement: 3.4 m away, the antenna 0.8 m high, VV, mean over azimuth and band, by
 `sbr` in an empty world. Two-wheelers at 10 m, vehicles in the far field (`ss.rcs`) from slightly below the middle.
@@ -55,6 +55,9 @@ SPEED = 1.3
 CYCLE = (0.0, 0.25, 0.5, 0.75)
 """Times in the gait, in parts of the two steps that it repeats after."""
 PEOPLE = ("adult_man", "adult_woman", "standing_adult", "child")
+AGES = ("girl_3", "boy_4", "girl_5", "boy_6", "girl_7", "boy_8", "girl_9", "boy_10", "man_22", "woman_34", "man_38")
+AGES += ("woman_52",)
+"""People of all ages that stand, light, 24 azimuths."""
 FAR_SETTINGS = SbrSettings(ray_spacing=16.0, edge_spacing=8.0, bisections=5)
 
 
@@ -122,6 +125,13 @@ def people(model: str, folder: Path) -> list[Any]:
     return rows
 
 
+def standing(model: str, folder: Path) -> list[Any]:
+    """Return the run of a person who stands, light, over azimuth."""
+    phi, start = azimuths(24), time.process_time()
+    level = seen(alone(model, "light", StaticTrajectory(Pose()), folder), 0.0, "sbr", 3.4, 0.8, phi)
+    return [row(model, "light", "sbr", -1.0, phi, level, time.process_time() - start)]
+
+
 def cyclist(model: str, folder: Path) -> list[Any]:
     """Return the runs of a two-wheeler with its rider, 10 m away."""
     phi, rows = azimuths(72), []
@@ -147,9 +157,11 @@ def measure(only: list[str]) -> None:
     """Run what is asked for, and write it into the file beside what is there."""
     rows = json.loads(DATA.read_text(encoding="utf-8")) if DATA.exists() else []
     with tempfile.TemporaryDirectory() as folder:
-        for model in only or [*PEOPLE, "bicycle", "saloon", "lorry"]:
+        for model in only or [*PEOPLE, *AGES, "bicycle", "saloon", "lorry"]:
             if model in PEOPLE:
                 new = people(model, Path(folder))
+            elif model in AGES:
+                new = standing(model, Path(folder))
             else:
                 new = cyclist(model, Path(folder)) if model == "bicycle" else vehicle(model)
             rows = [one for one in rows if one["model"] != model] + new
@@ -215,6 +227,35 @@ def draw_people(rows: Any) -> None:
     left.set(xlabel="azimuth [deg], 0: front", ylabel="RCS [dBsm]", xlim=(0, 360), ylim=(-30, 8))
     right.set(xlabel="share of azimuths below", xlim=(0, 1))
     figure.savefig(ROOT / "docs/figures/rcs_people.png", dpi=80)
+
+
+def draw_ages(rows: Any) -> None:
+    """Draw the RCS of people of all ages over aspect and its distribution, beside the measured ranges of adults."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 4.0), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.5, 1.0])
+    found = {model: [one for one in rows if one["model"] == model] for model in AGES}
+    means = [value for pair in JRC.values() for value in pair]
+    for axes, band in ((left, left.axhspan), (right, right.axhspan)):
+        band(min(means), max(means), color="C3", alpha=0.25, lw=0, label="measured means of adults (JRC)")
+        axes.axhline(SCHUBERT[0], color="C3", ls=":", lw=1.0, label="measured span (Schubert)")
+        axes.axhline(SCHUBERT[2], color="C3", ls=":", lw=1.0)
+        axes.grid(alpha=0.3)
+    for model, (one,) in ((model, runs) for model, runs in found.items() if runs):
+        is_child = int(model.rpartition("_")[2]) < 16
+        style = {"color": "C2" if is_child else "C0", "lw": 0.8, "alpha": 0.8}
+        if model in ("girl_5", "boy_10", "man_22", "woman_52"):
+            marker = {"girl_5": "o", "boy_10": "s", "man_22": "^", "woman_52": "v"}[model]
+            left.plot(one["azimuth_deg"], one["rcs_dbsm"], marker=marker, ms=3, **style, label=model)
+        right.plot(*_cumulative(one["rcs_dbsm"]), **style)
+    right.plot([], [], color="C0", label="adults, each")
+    right.plot([], [], color="C2", label="children, each")
+    left.set(xlabel="azimuth [deg], 0: front", ylabel="RCS [dBsm]", xlim=(0, 360), ylim=(-25, 6))
+    right.set(xlabel="share of azimuths below", xlim=(0, 1))
+    left.legend(fontsize=7, loc="lower right")
+    right.legend(fontsize=7, loc="lower right")
+    figure.savefig(ROOT / "docs/figures/rcs_ages.png", dpi=72)
 
 
 def _cumulative(level: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -284,6 +325,7 @@ def main() -> None:
     else:
         rows = json.loads(DATA.read_text(encoding="utf-8"))
         draw_people(rows)
+        draw_ages(rows)
         draw_road_users(rows)
 
 

@@ -37,7 +37,7 @@ def actor_names() -> tuple[str, ...]:
 
     Folders of ``actors`` with an ``actor.toml``, and the people of ``actors/bodies``, who share one packed file.
     """
-    return tuple(sorted([*(p.parent.name for p in _ROOT.glob("actors/*/actor.toml")), *person_ages()]))
+    return tuple(sorted([*(p.parent.name for p in _ROOT.glob("actors/*/actor.toml")), *_people().names()]))
 
 
 def person_ages() -> dict[str, int]:
@@ -125,7 +125,7 @@ def actor_path(name: str) -> Path:
     """
     if name not in actor_names():
         raise KeyError(f"no actor model {name!r} in scenes_xml; choose one of {', '.join(actor_names())}")
-    if name in person_ages():
+    if name in _people().names():
         return _person_path(name)
     source = _ROOT / "actors" / name
     files = [f"{name}/{file}" for file in ("actor.toml", f"{name}.xml", f"{name}_light.xml", *_packed_files(source))]

@@ -82,3 +82,8 @@ SLOW = pytest.mark.slow
 def test_the_mesh_of_an_adult_has_the_measured_mean(tmp_path, model, count) -> None:
     """Accepted are -9 to -3 dBsm: the measured means, and the 2 dB or so by which bodies and garments differ."""
     assert -9.0 < means(tmp_path, model, "sbr", count) < -3.0
+
+
+@pytest.mark.parametrize("model", ["man_27", "woman_52"])
+def test_people_of_all_ages_have_the_measured_mean_of_the_class(tmp_path, model) -> None:
+    assert MEASURED[0] < means(tmp_path, model, "raycast", 6) < MEASURED[1]

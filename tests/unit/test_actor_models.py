@@ -15,6 +15,7 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.scene.actors.model import ActorModel, actor_names, read_actor_model
 from scarl_sionna.scene.materials.table import load_materials
 from scenes_xml import actor_path, person_ages
+from scenes_xml.actors.bodies.companions import MODELS as COMPANIONS
 from scenes_xml.actors.build import MODELS, build
 from scenes_xml.actors.cars import SHAPES
 from scenes_xml.generators.vehicles.cars import detailed
@@ -55,7 +56,7 @@ def model(name: str) -> ActorModel:
 
 
 def test_every_model_of_the_registry_lies_on_disk_and_no_other():
-    assert set(actor_names()) == {*MODELS, *PEOPLE}
+    assert set(actor_names()) == {*MODELS, *PEOPLE, *COMPANIONS}
     assert len(PEOPLE) >= 24 and not set(PEOPLE) & set(MODELS)
     assert set(VEHICLES) <= set(NAMES)
 

@@ -26,7 +26,7 @@ _NAME = re.compile(r"[A-Za-z0-9_\-]+")
 _STAGED_ID = re.compile(r"^(actor-.*?)-\d+$")
 _COLOR_SLOTS = ("base_color", "reflectance", "diffuse_reflectance", "specular_reflectance", "color")
 """Parameters of Mitsuba's BSDFs that are their colour, the first one found is set."""
-_PHASED = ("walk", "pedal")
+_PHASED = ("walk", "pedal", "swing")
 """Joints that begin at a phase."""
 
 

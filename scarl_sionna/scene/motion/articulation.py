@@ -21,6 +21,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from .footprints import FootPrints, Ground, steps_forward
 from .gait import FRACTIONS, SEGMENTS, WalkingGait, walking_gait
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
+from .swinging import Swing, swing_from_table
 from .trajectory import Motion, Trajectory, WheelWay, forward_speeds, known_until, wheel_way
 
 PHASES = 16
@@ -323,8 +324,10 @@ def joints_on(joints: Sequence[Joint], trajectory: Trajectory) -> tuple[Joint, .
             found.append(replace(joint, trajectory=trajectory, phase=phase, prints=prints))
         elif isinstance(joint, Pedal):
             found.append(replace(joint, trajectory=trajectory, turned=joint.turned.on(trajectory)))
+        elif isinstance(joint, Swing):
+            found.append(replace(joint, cycles=joint.cycles.on(trajectory)))
         else:
-            raise InputTypeError("joint", joint, "a Wheel, Walk or Pedal")
+            raise InputTypeError("joint", joint, "a Wheel, Walk, Pedal or Swing")
     return tuple(found)
 
 
@@ -352,8 +355,9 @@ def joints_from_tables(
     tables : sequence of mapping
         ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius[, steered]), ``walk``
         (height[, phase, and lengths of the body's own segments by the names of `gait.FRACTIONS`]) and ``pedal``
-        (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The shapes of the last two are those
-        of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for instance ``walker_head_hair``.
+        (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]), whose shapes are
+        those of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, as ``walker_head_hair``;
+        ``swing``, see :func:`.swinging.swing_from_table`.
     actor : str
         Whose joints they are, for error messages.
     shapes : sequence of str
@@ -378,8 +382,10 @@ def joints_from_tables(
             joint = _walk(table, what, shapes, trajectory)
         elif kind == "pedal":
             joint = _pedal(table, what, shapes, trajectory)
+        elif kind == "swing":
+            joint = swing_from_table(table, what, shapes, trajectory, Accumulated(trajectory, lambda speed: speed))
         else:
-            raise UnknownNameError(f"kind of {what}", kind, ("wheel", "walk", "pedal"))
+            raise UnknownNameError(f"kind of {what}", kind, ("wheel", "walk", "pedal", "swing"))
         used = set(joint.shapes)
         if twice := sorted(used & taken):
             raise ParameterRangeError(f"{what}.shapes", twice[0], "a shape without another joint")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 
@@ -41,12 +41,12 @@ GREY: tuple[Color, ...] = ((0.32, 0.31, 0.30), (0.52, 0.51, 0.49))
 VARIANTS = 4
 PLAIN = ("lips", "eyes", "iris")
 """Slots that are drawn as skin at the light level."""
-_bodies = lru_cache(maxsize=1)(read_bodies)
+packed_bodies = lru_cache(maxsize=1)(read_bodies)
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all models."""
-    return tuple(person.name for person in PEOPLE)
+    """Return the names of all models: people who walk, and companions."""
+    return (*(person.name for person in PEOPLE), *_companions())
 
 
 def ages() -> dict[str, int]:
@@ -142,7 +142,7 @@ def _rounded(color: Array) -> Color:
     return red, green, blue
 
 
-def _looks(first: Mapping[str, Color]) -> dict[str, Bsdf]:
+def looks(first: Mapping[str, Color]) -> dict[str, Bsdf]:
     """Return the materials of a person in the colours of a variant."""
     return {
         "top": cloth(first["top"]),
@@ -180,8 +180,8 @@ def measures(
 
 def make(name: str) -> Model:
     """Return the model of a person."""
-    number = names().index(name)
-    person, bodies = PEOPLE[number], _bodies()
+    number, bodies = names().index(name), packed_bodies()
+    person = PEOPLE[number]
     row, worn = bodies.names.index(name), outfit(person.top, person.bottom, person.hair, person.long_hair)
     levels: dict[str, dict[str, Part]] = {}
     for level, (detail, plain) in enumerate((("detailed", ()), ("light", PLAIN))):
@@ -190,7 +190,7 @@ def make(name: str) -> Model:
     lengths = bodies.lengths[row]
     length, width, height = measures(lengths, levels, origins(lengths))
     variants = colors(person, number)
-    looks = _looks(next(iter(variants.values())))
+    materials = looks(next(iter(variants.values())))
     used = {part.bsdf for parts in levels.values() for part in parts.values()}
     kind = ("Girl" if person.female else "Boy") if person.years < 18 else ("Woman" if person.female else "Man")
     head = {
@@ -207,9 +207,16 @@ def make(name: str) -> Model:
     }
     joint = {"kind": "walk", "height": person.height, **{f"{key}": value for key, value in lengths.items()}}
     kept = {key: {slot: rgb for slot, rgb in row.items() if slot in used} for key, row in variants.items()}
-    return Model(head, levels["detailed"], levels["light"], looks, kept, [joint])
+    return Model(head, levels["detailed"], levels["light"], materials, kept, [joint])
 
 
 def build(name: str, folder: Path) -> None:
-    """Write a person's model into `folder`."""
-    write_model(make(name), folder)
+    """Write a model into `folder`."""
+    write_model(_companions()[name]() if name in _companions() else make(name), folder)
+
+
+def _companions() -> Mapping[str, Callable[[], Model]]:
+    """Return the models that are made of people in postures, and what goes with them."""
+    from .companions import MODELS
+
+    return MODELS
