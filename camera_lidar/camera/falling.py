@@ -18,6 +18,7 @@ from scarl_sionna.core.specs.drop_sizes import (
     terminal_speed,
 )
 from scarl_sionna.core.specs.weather import Weather
+from scarl_sionna.engine.rays.shelter import is_sheltered
 from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
@@ -99,8 +100,9 @@ def add_falling(
 
     .. math:: L' = (1 - A) L + A \, c L_\text{sky}, \quad A = \frac{\pi}{4} (f D / z)^2 / n_\text{streak}
 
-    with c of Garg and Nayar for drops. Drops behind a surface are hidden. Those that cover less than `LEAST_COVER` of a
-    pixel are part of the haze. *Not modelled*: lamps at night in drops, drops on the lens, defocus.
+    with c of Garg and Nayar for drops. Drops behind a surface are hidden, and none fall below a roof. Those that cover
+    less than `LEAST_COVER` of a pixel are part of the haze. *Not modelled*: lamps at night in drops, drops on the lens,
+    defocus.
     """
     weather = state.world.weather
     cover = np.zeros(spec.height * spec.width)
@@ -137,6 +139,7 @@ def _cover(
         hits = state.cast(pose.position, sight / distance[:, None], max_distance=float(distance.max()))
         free[hits.ray] = hits.distance
     seen = distance < free
+    seen[seen] = ~is_sheltered(state, world[seen])
     point, diameter = point[seen], diameter[seen]
     speed = _fall_speed(kind, diameter)
     velocity = weather.turbulence * rng.standard_normal((len(point), 3))

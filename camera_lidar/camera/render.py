@@ -133,7 +133,7 @@ def has_lamps(state: WorldState) -> bool:
     lighting = state.world.lighting
     if lighting is None:
         return False
-    return lighting.headlamps or lighting.street_lamps or bool(state.world.document.info.get("enclosed", False))
+    return lighting.headlamps or lighting.street_lamps or state.world.is_indoors
 
 
 def glows(state: WorldState) -> bool:
@@ -176,7 +176,7 @@ def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
 def _haze(state: WorldState) -> Haze | None:
     """Return the haze before the camera; None in rooms."""
     lighting = state.world.lighting
-    if lighting is None or lighting.visibility is None or state.world.document.info.get("enclosed", False):
+    if lighting is None or lighting.visibility is None or state.world.is_indoors:
         return None
     return Haze.of(lighting.visibility, state.airlight)
 

@@ -15,6 +15,7 @@ from scarl_sionna.core.specs.atmosphere import Atmosphere
 from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver, PulsedReceiver, ScarlReceiver
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.engine.rays.placement import check_placement
+from scarl_sionna.engine.rays.shelter import is_under_cover
 from scarl_sionna.engine.spray import SprayCloud, spray_clouds
 from scarl_sionna.engine.threads import few_threads
 from scarl_sionna.engine.world import WorldState
@@ -53,7 +54,8 @@ class Lidar:
     def observe(self, state: WorldState, mount: Mount | Pose, rng: np.random.Generator) -> LidarScan:
         """Return the scan that begins at the state's time: one row a detected return.
 
-        The air is that of the spec's own `atmosphere`; where that is left clear, the world's weather.
+        The air is that of the spec's own `atmosphere`; where that is left clear, the world's weather, without rain and
+        snow for a lidar under cover (:func:`~scarl_sionna.engine.rays.shelter.is_under_cover`).
 
         Parameters
         ----------
@@ -75,7 +77,10 @@ class Lidar:
         check_placement(state, place.pose.position, "lidar")
         weather = state.world.weather
         if not weather.is_clear and self.spec.atmosphere == Atmosphere():
-            spec = self.spec.with_(atmosphere=weather.atmosphere)
+            air = weather.atmosphere
+            if (air.rain_rate or air.snow_rate) and is_under_cover(state, place.pose.position):
+                air = air.with_(rain_rate=0.0, snow_rate=0.0)
+            spec = self.spec.with_(atmosphere=air)
             return replace(Lidar(spec)._observe(state, place, rng), spec=self.spec)
         return self._observe(state, place, rng)
 

@@ -141,7 +141,7 @@ class World(Described):
         """
         other = copy.copy(self)
         chosen = Lighting.preset(lighting) if isinstance(lighting, str) else lighting
-        other.lighting = self.weather.over(chosen)
+        other.lighting = self.weather.over(chosen, self.is_indoors)
         other._dry = *self._dry[:2], chosen
         other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
         return other
@@ -149,8 +149,8 @@ class World(Described):
     def with_weather(self, weather: Weather | str) -> World:
         """Return this world in another weather: its materials wet, its lighting as :meth:`Weather.over` has it.
 
-        Sensors read `weather` for what is in the air. It shares everything but the optical twin; geometry and instances
-        stay.
+        Sensors read `weather` for what is in the air; indoors (`is_indoors`) all stays dry unless it gives a `wetness`.
+        The new world shares everything but the optical twin; geometry and instances stay.
 
         Parameters
         ----------
@@ -159,11 +159,12 @@ class World(Described):
             back to the scene as it was loaded.
         """
         other = copy.copy(self)
-        other.weather = Weather.preset(weather) if isinstance(weather, str) else weather
+        chosen = Weather.preset(weather) if isinstance(weather, str) else weather
+        other.weather = chosen.with_(wetness=0.0) if self.is_indoors and chosen.wetness is None else chosen
         document, materials, lighting = self._dry
         other.document, other.materials = wet_surfaces(document, materials, other.weather)
         other.parts = part_table(other.document, other.materials)[0]
-        other.lighting = other.weather.over(lighting)
+        other.lighting = other.weather.over(lighting, self.is_indoors)
         if other.lighting != self.lighting:
             other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
         return other
@@ -220,6 +221,11 @@ class World(Described):
         if name not in self._actor_of_name:
             raise UnknownNameError("actor", name, self._actor_of_name)
         return self._actor_of_name[name]
+
+    @property
+    def is_indoors(self) -> bool:
+        """Whether the scene is a tunnel or a car park (``enclosed = true`` in scene.toml)."""
+        return bool(self.document.info.get("enclosed", False))
 
     @property
     def time_range(self) -> tuple[float, float]:

@@ -187,12 +187,12 @@ class Weather(Spec):
         extinction = self.atmosphere.weather_extinction(REFERENCE_WAVELENGTH)
         return -math.log(CONTRAST) / extinction if extinction > 0.0 else math.inf
 
-    def over(self, lighting: Lighting | None) -> Lighting | None:
+    def over(self, lighting: Lighting | None, indoors: bool = False) -> Lighting | None:
         """Return a lighting as it is in this weather; in clear and dry weather the given one.
 
         Haze adds up, the ground is as wet as the wetter of the two says, and where it rains, snows or a fog is denser
         than `FOG_RANGE` the sky is overcast, with the exposure raised as cameras do. Without a lighting, that of the
-        preset ``"overcast"`` is taken.
+        preset ``"overcast"`` is taken. `indoors`, in a tunnel or a car park, the exposure stays.
         """
         hazy, wet = math.isfinite(self.meteorological_range), self.surface_wetness > 0.0
         if not hazy and not wet:
@@ -204,7 +204,7 @@ class Weather(Spec):
             changes["visibility"] = 1.0 / (own + 1.0 / self.meteorological_range)
         hides_sun = self.rain_rate > 0.0 or self.snow_rate > 0.0 or self.meteorological_range < FOG_RANGE
         covered = 1.0 if hides_sun else base.cloud_cover
-        if covered > base.cloud_cover and base.sun_elevation_deg > 0.0:
+        if covered > base.cloud_cover and base.sun_elevation_deg > 0.0 and not indoors:
             clear, dull = (Lighting.preset(name).exposure for name in ("day", "overcast"))
             share = min((covered - base.cloud_cover) / (1.0 - Lighting.preset("day").cloud_cover), 1.0)
             changes["exposure"] = base.exposure * (dull / clear) ** share

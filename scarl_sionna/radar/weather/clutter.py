@@ -24,6 +24,7 @@ from scarl_sionna.core.specs.radar.array import AntennaArray
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.core.units import dbm_to_watt
+from scarl_sionna.engine.rays.shelter import is_sheltered, is_under_cover
 from scarl_sionna.engine.spray import SprayCloud, spray_clouds
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
@@ -259,7 +260,7 @@ def volume_clutter(
         Of the radar; a bare pose (`world_from_radar`) stands still.
     rng : numpy.random.Generator
     state : WorldState, optional
-        What hides the points behind it; free space if left out.
+        What hides the points behind it, and below what none fall; free space if left out.
     sampling : VolumeSampling, optional
         How far, and how many points; the defaults if left out.
 
@@ -294,18 +295,16 @@ def volume_clutter(
     scatter, fall = _scatter(weather, radar, mount, limit, rng, state)
     cells = gaussian_cells(scatter, radar, Rows(rows, strength * loss), weakest, sampling.num_points, rng)
     direction = mount.pose.rotate(cells.direction)
+    place = mount.pose.position + cells.distance[:, None] * direction
+    amplitude = _speckle(rng, len(place))
     air = np.array([*weather.wind, -fall])
     away = cells.velocity - direction @ (air - mount.twist.linear)
     gain = two_way_gain(radar.array, cells.direction)
     power = cells.power / np.interp(cells.distance, rows, loss)
-    points = point_targets(
-        mount.pose.position + cells.distance[:, None] * direction,
-        air + away[:, None] * direction,
-        power * cells.distance**4 / (link * gain),
-        radar,
-        mount,
-    )
-    return _as_clutter(points, _speckle(rng, points.num_paths))
+    sigma = power * cells.distance**4 / (link * gain)
+    falls = slice(None) if state is None else ~is_sheltered(state, place)
+    points = point_targets(place[falls], (air + away[:, None] * direction)[falls], sigma[falls], radar, mount)
+    return _as_clutter(points, amplitude[falls])
 
 
 def _scatter(
@@ -424,8 +423,14 @@ def through_weather(
     weather: Weather = state.world.weather
     if weather.is_clear:
         return paths
-    values = tuple(weather_attenuation(weather, radar.center_frequency, name) for name in ("V", "H"))  # type: ignore[arg-type]
-    report: dict[str, Any] = {"attenuation_db_per_km": dict(zip("VH", values, strict=True))}
+    air = weather
+    if (weather.rain_rate or weather.snow_rate) and is_under_cover(state, paths.world_from_tx.position):
+        air = weather.with_(rain_rate=0.0, snow_rate=0.0)
+    values = tuple(weather_attenuation(air, radar.center_frequency, name) for name in ("V", "H"))  # type: ignore[arg-type]
+    report: dict[str, Any] = {
+        "attenuation_db_per_km": dict(zip("VH", values, strict=True)),
+        "under_cover": air != weather,
+    }
     blocks = [paths]
     if rng is not None:
         settings = settings or RadarSettings()
