@@ -267,7 +267,7 @@ def test_bad_meshes(tmp_path: Path) -> None:
         ('[[instances]]\nname="x"\nshapes=["box"]', SceneError, "lacks 'class'"),
         ('[[instances]]\nname="x"\nclass="Car"\nshapes=["box"]\ncolour="red"', UnknownNameError, "colour"),
         ('[scene]\nego="x"\n[[instances]]\nname="x"\nclass="Car"\nshapes=["box"]', UnknownNameError, "ego"),
-        ('[scene]\nname="n"', SceneError, "belong to no instance: box"),
+        ('instances = []\n[scene]\nname="n"', SceneError, "belong to no instance: box"),
         (
             '[[instances]]\nname="x"\nclass="Car"\nshapes=["box"]\n[materials.concrete]\nradio="concrete"\n'
             "lidar_reflectance=1.5",
