@@ -32,7 +32,7 @@ from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, Static
 from scenes_xml.actors.bodies import family
 from scenes_xml.actors.bodies.companions import MODELS as COMPANIONS
 
-VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
+VEHICLES = ("small_car", "saloon", "estate", "suv", "pickup", "van", "box_van", "lorry", "bus", "coach", "tram")
 COLORFUL = ("saloon", "van", "lorry", "bus")
 VIEWS = {
     "front": (33.0, 11.0),

@@ -16,7 +16,7 @@ from scenes_xml.actors.bodies.table import PEOPLE, Person
 
 REPO = Path(__file__).resolve().parents[1]
 PAGE = REPO / "docs" / "actors.md"
-VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
+VEHICLES = ("small_car", "saloon", "estate", "suv", "pickup", "van", "box_van", "lorry", "bus", "coach", "tram")
 GROUPS = ("vehicles", "people", "ages")
 HEAD = (
     "| model | length x width x height [m] | wheelbase [m] | shapes, triangles | light: shapes, "

@@ -19,8 +19,11 @@ from .model import Model, write_model
 MODELS: dict[str, Callable[[], Model]] = {
     **{name: partial(cars.build, name) for name in cars.SHAPES},
     "van": heavy.make_van,
+    "box_van": heavy.make_box_van,
     "lorry": heavy.make_lorry,
     "bus": heavy.make_bus,
+    "coach": heavy.make_coach,
+    "tram": heavy.make_tram,
     **people.MODELS,
     **cycles.MODELS,
 }

@@ -1,4 +1,4 @@
-"""Small car, saloon and SUV."""
+"""Small car, saloon, estate, SUV and pickup."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from ..generators.geometry.mesh import Mesh, box, merge
 from ..generators.vehicles.cars import detailed, light
 from ..generators.vehicles.cars.measures import WHEELS, CarShape, wheel_centre
+from ..generators.vehicles.cars.shapes import CARS
 from ..generators.vehicles.number_plates import NumberPlates
 from ..generators.vehicles.vehicle_parts import bar, car_underbody
 from . import materials
@@ -28,14 +29,8 @@ SHAPES: dict[str, CarShape] = {
         lamp_height=0.69, tail_lamp=(0.70, 0.95),
         extra={"plate_z": 0.60, "tail_lamp_inner": 0.72, "mirror_z": 1.01, "handle_z": 0.83, "roof_sag": 0.06},
     ),
-    "saloon": CarShape(
-        length=4.6, width=1.82, height=1.46, front_axle=1.38, rear_axle=-1.36,
-        deck=((-2.3, 0.93), (-2.15, 0.985), (-1.7, 0.985), (-1.0, 0.955), (0.0, 0.935), (0.95, 0.915), (1.5, 0.85),
-        (2.0, 0.76), (2.3, 0.69)),
-        cabin_base=(-1.85, 1.10), cabin_top=(-0.95, 0.28), cabin_base_width=0.82, cabin_top_width=0.60,
-        glazing=((0.06, 0.44), (0.475, 0.82)),
-        rear_bow=0.18, tail_lamp=(0.74, 0.90), extra={"plate_z": 0.62, "mirror_z": 0.98},
-    ),
+    "saloon": CARS["ego"],
+    "estate": CARS["oncoming"],
     "suv": CarShape(
         length=4.60, width=1.88, height=1.69, front_axle=1.38, rear_axle=-1.36,
         deck=((-2.3, 1.06), (-2.15, 1.09), (-1.2, 1.09), (0.0, 1.07), (0.95, 1.05), (1.45, 1.00), (2.0, 0.92), (2.3,
@@ -46,17 +41,39 @@ SHAPES: dict[str, CarShape] = {
         1.03), cladding=True,
         extra={"plate_z": 0.76, "tail_lamp_inner": 0.76, "mirror_z": 1.13, "handle_z": 0.92, "roof_sag": 0.045},
     ),
+    "pickup": CarShape(
+        length=5.33, width=1.90, height=1.80, front_axle=1.66, rear_axle=-1.55,
+        deck=((-2.665, 1.10), (-2.5, 1.12), (-1.0, 1.12), (0.3, 1.11), (1.25, 1.09), (1.75, 1.05), (2.3, 0.97), (2.665,
+        0.88)),
+        cabin_base=(-0.98, 1.40), cabin_top=(-0.86, 0.58), cabin_base_width=0.865, cabin_top_width=0.71,
+        glazing=((0.06, 0.46), (0.50, 0.90)),
+        wheel_radius=0.385, floor=0.30, spokes=6, front_bow=0.20, rear_bow=0.06, tail_slope=0.0, nose_slope=0.09,
+        lamp_height=0.86, tail_lamp=(0.80, 1.06), cladding=True,
+        bed=(-2.56, -1.09, 0.84), stations=(-2.56, -1.09, -1.02),
+        extra={"plate_z": 0.66, "tail_lamp_inner": 0.83, "mirror_z": 1.17, "handle_z": 0.97, "roof_sag": 0.05,
+        "row": 0.60},
+    ),
 }  # fmt: skip # a table
 """Measures; widths without mirrors."""
 
-OCCUPANTS = {"small_car": ("driver",), "saloon": ("driver",), "suv": ("driver", "beside")}
+OCCUPANTS: dict[str, tuple[str, ...]] = {
+    "small_car": ("driver",), "saloon": ("driver",), "suv": ("driver", "beside"),
+    "estate": ("driver", "right"), "pickup": ("driver",),
+}  # fmt: skip # a table
 """The places that are taken, see `interior.seats`."""
-TITLES = {"small_car": "Small car", "saloon": "Saloon car", "suv": "Sport utility vehicle"}
+TITLES = {
+    "small_car": "Small car", "saloon": "Saloon car", "suv": "Sport utility vehicle", "estate": "Estate car",
+    "pickup": "Pickup with two rows of seats and an open bed",
+}  # fmt: skip # a table
 PAINTS: dict[str, dict[str, Color]] = {
     "small_car": {"yellow": (0.62, 0.36, 0.015), "red": (0.40, 0.014, 0.016), "white": (0.70, 0.70, 0.68),
     "blue": (0.02, 0.12, 0.34), "black": (0.012, 0.012, 0.014)},
     "saloon": {"blue": (0.012, 0.045, 0.16), "silver": (0.27, 0.28, 0.29), "red": (0.36, 0.012, 0.014), "white": (0.70,
     0.70, 0.68), "black": (0.012, 0.012, 0.014)},
+    "estate": {"grey": (0.13, 0.14, 0.15), "blue": (0.015, 0.06, 0.20), "green": (0.03, 0.09, 0.055), "white": (0.70,
+    0.70, 0.68), "black": (0.012, 0.012, 0.014)},
+    "pickup": {"white": (0.70, 0.70, 0.68), "orange": (0.50, 0.12, 0.012), "silver": (0.27, 0.28, 0.29), "green": (0.05,
+    0.075, 0.03), "black": (0.012, 0.012, 0.014)},
     "suv": {"grey": (0.13, 0.14, 0.15), "white": (0.70, 0.70, 0.68), "green": (0.02, 0.075, 0.045), "red": (0.30,
     0.012, 0.016), "black": (0.012, 0.012, 0.014)},
 }  # fmt: skip # a table

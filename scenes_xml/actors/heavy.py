@@ -1,4 +1,4 @@
-"""Van, lorry and bus."""
+"""Vans, lorry, bus, coach and tram."""
 
 from __future__ import annotations
 
@@ -6,13 +6,31 @@ from dataclasses import replace
 from typing import Any
 
 from ..generators.geometry.mesh import Mesh
-from ..generators.vehicles import bus, lorry, van
+from ..generators.vehicles import box_van, bus, lorry, tram, van
 from . import materials
 from .cars import joints
 from .materials import ROLES, VEHICLE, Color
 from .model import Model, Part
 
 WHITE: Color = (0.70, 0.70, 0.68)
+LOADED = {
+    "box_panel": replace(
+        materials.paint(WHITE), radio="metal", lidar_reflectance=0.55, source="estimate, painted aluminium panel"
+    ),
+    "frame_aluminium": replace(
+        VEHICLE["wheel_rim"], color=(0.50, 0.51, 0.52), source="estimate, bare aluminium profiles"
+    ),
+    "contour_marking": replace(
+        VEHICLE["number_plate"],
+        color=(0.68, 0.46, 0.02),
+        source="estimate, retroreflective tape, UN Regulation 104 class C",
+        retroreflection=300.0,
+    ),
+    "chassis_steel": replace(
+        VEHICLE["underbody_steel"], color=(0.03, 0.03, 0.032), source="estimate, painted steel frame"
+    ),
+}
+"""What vehicles with a load box have beside `VEHICLE`."""
 
 
 def _parts(found: dict[str, tuple[Mesh, str]]) -> dict[str, Part]:
@@ -62,18 +80,77 @@ def make_van() -> Model:
     )
 
 
+def make_box_van() -> Model:
+    """Return the van with a load box."""
+    boxes: dict[str, tuple[Color, Color]] = {
+        "white": (WHITE, WHITE), "yellow": ((0.62, 0.38, 0.012), (0.62, 0.38, 0.012)), "blue": ((0.015, 0.07, 0.24),
+        WHITE), "red": ((0.36, 0.014, 0.016), WHITE), "green": ((0.03, 0.13, 0.06), (0.03, 0.13, 0.06)),
+    }  # fmt: skip # a table
+    variants = {name: {"paint": cab, "box_panel": panel} for name, (cab, panel) in boxes.items()}
+    centres = {}
+    for name, (x, left) in box_van.WHEELS.items():
+        kind = van.WHEEL if x > 0 else box_van.REAR_WHEEL
+        y = box_van.OUTER - 0.5 * (kind.tyre_width + kind.twin)
+        centres[name] = (x, y if left else -y, kind.radius)
+    size = box_van.LENGTH, box_van.WIDTH, box_van.HEIGHT
+    return Model(
+        _head("box_van", "Van with a load box", "Truck", size, (box_van.FRONT_AXLE, box_van.REAR_AXLE)),
+        _parts(box_van.build()),
+        _parts(box_van.build(False)),
+        {"paint": materials.paint(WHITE), **VEHICLE, **LOADED},
+        variants,
+        _wheel_joints(centres),
+    )
+
+
+def make_tram() -> Model:
+    """Return the tram of one car on two bogies."""
+    variants: dict[str, tuple[Color, Color]] = {
+        "red": ((0.42, 0.016, 0.016), (0.66, 0.60, 0.45)), "yellow": ((0.66, 0.42, 0.015), (0.62, 0.62, 0.60)),
+        "green": ((0.02, 0.14, 0.06), (0.66, 0.60, 0.45)), "blue": ((0.02, 0.10, 0.30), WHITE),
+    }  # fmt: skip # a table
+    shape = tram.SHAPE
+    return replace(
+        _bus("tram", "Tram of one car on two bogies", shape, variants),
+        head=_head(
+            "tram", "Tram of one car on two bogies", "Train", (shape.length, shape.width, shape.height),
+            (tram.BOGIES[0], tram.BOGIES[1]),
+        ),
+        detailed=_parts(tram.build()),
+        light=_parts(tram.build(False)),
+        joints=[
+            {key: value for key, value in joint.items() if key != "steered"}
+            for joint in joints(tram.WHEEL_CENTRES, {name: [f"wheel_{name}_tyre"] for name in tram.WHEEL_CENTRES})
+        ],
+    )  # fmt: skip # arguments of a table
+
+
 def make_bus() -> Model:
     """Return the city bus."""
+    variants: dict[str, tuple[Color, Color]] = {
+        "red": ((0.42, 0.016, 0.016), WHITE), "blue": ((0.02, 0.10, 0.30), WHITE), "yellow": ((0.66, 0.42, 0.015),
+        (0.03, 0.03, 0.035)), "green": ((0.03, 0.20, 0.07), WHITE), "white": (WHITE, (0.02, 0.10, 0.30)),
+    }  # fmt: skip # a table
+    return _bus("bus", "City bus", bus.CITY, variants)
+
+
+def make_coach() -> Model:
+    """Return the coach, with its floor above the luggage."""
+    variants: dict[str, tuple[Color, Color]] = {
+        "white": (WHITE, (0.02, 0.16, 0.32)), "silver": ((0.30, 0.31, 0.32), (0.30, 0.014, 0.016)), "green": ((0.04,
+        0.26, 0.05), WHITE), "blue": ((0.015, 0.06, 0.20), (0.62, 0.36, 0.012)), "black": ((0.012, 0.012, 0.014), (0.30,
+        0.31, 0.32)),
+    }  # fmt: skip # a table
+    return _bus("coach", "Coach", bus.COACH, variants)
+
+
+def _bus(name: str, title: str, shape: bus.BusShape, looks: dict[str, tuple[Color, Color]]) -> Model:
     cover: Color = (0.55, 0.55, 0.54)
-    variants: dict[str, dict[str, Color]] = {
-        "red": {"paint": (0.42, 0.016, 0.016), "stripe_paint": WHITE, "roof_cover": cover},
-        "blue": {"paint": (0.02, 0.10, 0.30), "stripe_paint": WHITE, "roof_cover": cover},
-        "yellow": {"paint": (0.66, 0.42, 0.015), "stripe_paint": (0.03, 0.03, 0.035), "roof_cover": cover},
-        "green": {"paint": (0.03, 0.20, 0.07), "stripe_paint": WHITE, "roof_cover": cover},
-        "white": {"paint": WHITE, "stripe_paint": (0.02, 0.10, 0.30), "roof_cover": cover},
+    variants = {
+        key: {"paint": paint, "stripe_paint": stripe, "roof_cover": cover} for key, (paint, stripe) in looks.items()
     }
     bsdfs = {
-        **{name: materials.paint(color) for name, color in variants["red"].items()},
+        **{key: materials.paint(color) for key, color in next(iter(variants.values())).items()},
         **VEHICLE,
         "roof_cover": replace(
             VEHICLE["black_plastic"], color=cover, lidar_reflectance=0.55, source="estimate, white glass-fibre plastic"
@@ -83,14 +160,14 @@ def make_bus() -> Model:
         ),
     }
     centres = {}
-    for name, (x, left) in bus.WHEELS.items():
-        kind = bus.FRONT_WHEEL if x > 0 else bus.REAR_WHEEL
-        y = bus.OUTER - 0.5 * (kind.tyre_width + kind.twin)
-        centres[name] = (x, y if left else -y, kind.radius)
+    for wheel, (x, left) in shape.wheels.items():
+        kind = shape.wheel if x > 0 else shape.rear_wheel
+        y = shape.outer - 0.5 * (kind.tyre_width + kind.twin)
+        centres[wheel] = (x, y if left else -y, kind.radius)
     return Model(
-        _head("bus", "City bus", "Bus", (bus.LENGTH, bus.WIDTH, bus.HEIGHT), (bus.FRONT_AXLE, bus.REAR_AXLE)),
-        _parts(bus.build()),
-        _parts(bus.build(False)),
+        _head(name, title, "Bus", (shape.length, shape.width, shape.height), (shape.front_axle, shape.rear_axle)),
+        _parts(bus.build(shape)),
+        _parts(bus.build(shape, False)),
         bsdfs,
         variants,
         _wheel_joints(centres),
@@ -106,25 +183,7 @@ def make_lorry() -> Model:
         0.13, 0.012)),
     }  # fmt: skip # a table
     variants = {name: {"paint": cab, "box_panel": panel} for name, (cab, panel) in boxes.items()}
-    bsdfs = {
-        "paint": materials.paint(variants["white_box"]["paint"]),
-        **VEHICLE,
-        "box_panel": replace(
-            materials.paint(WHITE), radio="metal", lidar_reflectance=0.55, source="estimate, painted aluminium panel"
-        ),
-        "frame_aluminium": replace(
-            VEHICLE["wheel_rim"], color=(0.50, 0.51, 0.52), source="estimate, bare aluminium profiles"
-        ),
-        "contour_marking": replace(
-            VEHICLE["number_plate"],
-            color=(0.68, 0.46, 0.02),
-            source="estimate, retroreflective tape, UN Regulation 104 class C",
-            retroreflection=300.0,
-        ),
-        "chassis_steel": replace(
-            VEHICLE["underbody_steel"], color=(0.03, 0.03, 0.032), source="estimate, painted steel frame"
-        ),
-    }
+    bsdfs = {"paint": materials.paint(variants["white_box"]["paint"]), **VEHICLE, **LOADED}
     centres = {}
     for name, (x, left) in lorry.WHEELS.items():
         kind = lorry.FRONT_WHEEL if x > 0 else lorry.REAR_WHEEL

@@ -107,7 +107,9 @@ def test_it_follows_another_way_and_one_that_is_away_and_stays_straight_where_no
     )
 
 
-@pytest.mark.parametrize("name", ["small_car", "saloon", "suv", "van", "lorry", "bus"])
+@pytest.mark.parametrize(
+    "name", ["small_car", "saloon", "estate", "suv", "pickup", "van", "box_van", "lorry", "bus", "coach"]
+)
 def test_the_front_wheels_of_all_models_steer(name) -> None:
     joints = read_actor_model(name).joints
     assert [joint["center"][0] > 0.0 for joint in joints] == [bool(joint.get("steered", False)) for joint in joints]

@@ -197,7 +197,7 @@ def test_models_are_the_nearest_in_size(tmp_path):
     assert found == {
         "car": "saloon",
         "van": "lorry",
-        "truck": "lorry",
+        "truck": "box_van",
         "bus": "bus",
         "motorbike": "motorcycle",
         "bicycle": "bicycle",

@@ -33,7 +33,10 @@ from .tracks import Track, TrackGraph, track_graph
 
 Array = npt.NDArray[np.float64]
 
-DEFAULT_MIX: Mapping[str, float] = {"saloon": 0.4, "small_car": 0.25, "suv": 0.2, "van": 0.1, "lorry": 0.05}
+DEFAULT_MIX: Mapping[str, float] = {
+    "saloon": 0.25, "estate": 0.15, "small_car": 0.25, "suv": 0.16, "pickup": 0.03, "van": 0.08, "box_van": 0.02,
+    "lorry": 0.04, "bus": 0.015, "coach": 0.005,
+}  # fmt: skip # a table
 """Shares of the models among vehicles."""
 CHILDREN = 0.16
 """Share of those under 16 years among people on foot; all of an age group are equally likely."""
@@ -41,7 +44,7 @@ STEP = 0.1
 """Step of the car-following model [s]."""
 WARM_UP = 5.0
 """Time that is simulated before the first instant, so that gaps and speeds fit together [s]."""
-_TOP_SPEED = {"bicycle": 6.0, "scooter": 6.0, "lorry": 25.0, "bus": 27.8}
+_TOP_SPEED = {"bicycle": 6.0, "scooter": 6.0, "lorry": 25.0, "bus": 27.8, "coach": 27.8}
 
 
 def simulate_traffic(

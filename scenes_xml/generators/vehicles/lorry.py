@@ -11,6 +11,7 @@ from ..geometry import decal
 from ..geometry.decal import strips
 from ..geometry.mesh import Mesh, box, grid, merge, outward, revolve
 from .body_loft import BodyShape, loft, side_panel
+from .load_box import load_box
 from .number_plates import NumberPlates
 from .vehicle_parts import bar, prism
 from .wheels import WheelShape, wheel_parts
@@ -105,44 +106,6 @@ def _mirrors() -> tuple[Mesh, Mesh]:
     return _both(left), _both(merge(glass))
 
 
-def _box_body() -> tuple[Mesh, Mesh, Mesh]:
-    """Return the panels, the aluminium frame with the rear doors' bars, and the contour marking."""
-    (x0, x1), (z0, z1) = BOX
-    length, height, half = x1 - x0, z1 - z0, WIDTH / 2
-    middle = (0.5 * (x0 + x1), 0.0, 0.5 * (z0 + z1))
-    panels = box((length - 0.02, WIDTH - 0.04, height - 0.03), (middle[0], 0.0, middle[2]))
-    rail = 0.09
-    frame = [
-        box((rail, rail, height - 0.004), (x, y, middle[2]))
-        for x in (x0 + rail / 2, x1 - rail / 2)
-        for y in (half - rail / 2, -half + rail / 2)
-    ]
-    frame += [
-        box((length - 2 * rail, 0.07, 0.12), (middle[0], y, z))
-        for y in (half - 0.038, -half + 0.038)
-        for z in (z0 + 0.062, z1 - 0.062)
-    ]
-    frame += [
-        box((0.07, WIDTH - 2 * rail, 0.12), (x, 0.0, z))
-        for x in (x0 + 0.038, x1 - 0.038)
-        for z in (z0 + 0.062, z1 - 0.062)
-    ]
-    frame += [box((0.03, 0.05, height - 0.24), (x0 + 0.01, 0.0, middle[2]))]
-    for y in (-0.78, -0.34, 0.34, 0.78):
-        frame.append(bar((x0 - 0.018, y, z0 + 0.05), (x0 - 0.018, y, z1 - 0.05), 0.014, 6))
-        frame += [box((0.02, 0.10, 0.05), (x0 + 0.003, y, z)) for z in (z0 + 0.3, z0 + 0.62)]
-    frame += [
-        box((0.03, 0.03, 0.16), (x0 + 0.002, s * (half - 0.12), z)) for s in (1.0, -1.0) for z in (1.5, 2.2, 2.9, 3.5)
-    ]
-    marking = [
-        box((0.75, 0.006, 0.055), (x, s * (half - 0.021), z0 + 0.17))
-        for x in np.arange(x0 + 0.6, x1 - 0.4, 0.95)
-        for s in (1.0, -1.0)
-    ]
-    marking += [box((0.006, 0.52, 0.055), (x0 + 0.009, y, z)) for y in (-0.92, 0.92) for z in (z0 + 0.18, z1 - 0.18)]
-    return panels, merge(frame), merge(marking)
-
-
 def _tread(x: float, radius: float, start: float, stop: float) -> Mesh:
     """Return a mudguard: a thick arc over a wheel on both sides, from angle `start` to `stop` [deg] above +x."""
     angle = np.radians(np.linspace(start, stop, 11))
@@ -224,7 +187,7 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     """Return the parts of the lorry: name -> (mesh, role)."""
     painted, floor = loft(CAB if fine else replace(CAB, more_stations=LIGHT_STATIONS), fine)
     body = merge([painted, floor])
-    panels, frame, marking = _box_body()
+    panels, frame, marking = load_box(*BOX, WIDTH)
     parts: dict[str, tuple[Mesh, str]] = {
         "cab": (merge([painted, _deflector()]), "paint"),
         "load_box": (panels, "box_panel"),

@@ -57,31 +57,36 @@ def _pair(
     return merge([panel(body, outline, direction, side, rise, cells=cells) for side in (1.0, -1.0)])
 
 
-def _glass(body: Mesh, fine: bool) -> Mesh:
+def cab_glass(body: Mesh, fine: bool) -> Mesh:
+    """Return the wind screen and the windows of the cab's doors."""
     many, few = ((14, 10), (4, 6)) if fine else ((5, 3), (2, 3))
+    screen = _across(body, WINDSCREEN, FRONT, many, 0.007 if fine else 0.02)
+    return merge([screen, side_panel(body, DOOR_WINDOW, 0.006 if fine else 0.012, few)])
+
+
+def _glass(body: Mesh, fine: bool) -> Mesh:
     rear = ((0.06, 1.32), (0.78, 1.32), (0.72, 1.98), (0.06, 1.98))
-    return merge(
-        [
-            _across(body, WINDSCREEN, FRONT, many, 0.007 if fine else 0.02),
-            side_panel(body, DOOR_WINDOW, 0.006 if fine else 0.012, few),
-            _pair(body, rear, REAR, few),
-        ]
-    )
+    return merge([cab_glass(body, fine), _pair(body, rear, REAR, (4, 6) if fine else (2, 3))])
+
+
+def headlamps(body: Mesh, fine: bool) -> Mesh:
+    """Return both head lamps."""
+    head = ((0.54, 0.80), (0.90, 0.84), (0.86, 1.10), (0.60, 0.96))
+    return _pair(body, head, FRONT, (4, 6) if fine else (2, 3), 0.008 if fine else 0.02)
 
 
 def _lamps(body: Mesh, fine: bool) -> dict[str, tuple[Mesh, str]]:
-    cells = (4, 6) if fine else (2, 3)
-    head = ((0.54, 0.80), (0.90, 0.84), (0.86, 1.10), (0.60, 0.96))
     tail = ((0.87, 0.72), (0.985, 0.72), (0.975, 1.20), (0.87, 1.20))
-    rise = 0.008 if fine else 0.02
-    return {
-        "headlamps": (_pair(body, head, FRONT, cells, rise), "headlamp"),
-        "taillamps": (_pair(body, tail, REAR, cells, rise), "taillamp"),
-    }
+    tails = _pair(body, tail, REAR, (4, 6) if fine else (2, 3), 0.008 if fine else 0.02)
+    return {"headlamps": (headlamps(body, fine), "headlamp"), "taillamps": (tails, "taillamp")}
 
 
-def _trim(body: Mesh) -> Mesh:
-    """Return bumpers, grille, rubbing strips, door gaps, wipers and the rear step."""
+DOOR_GAP = np.array([(1.48, 0.80), (1.50, 1.05), (1.72, 1.30), (1.72, 1.36), (1.06, 2.16), (0.50, 2.16)])
+"""Front and upper gap of a cab's door: x and z [m]."""
+
+
+def front_trim(body: Mesh) -> Mesh:
+    """Return bumper, lamp frames, grille and wipers."""
     return merge(
         [
             _across(body, ((-0.93, 0.30), (0.93, 0.30), (0.95, 0.56), (-0.95, 0.56)), FRONT, (4, 15), 0.014),
@@ -90,6 +95,19 @@ def _trim(body: Mesh) -> Mesh:
                 _across(body, ((-0.50, z), (0.50, z), (0.50, z + 0.045), (-0.50, z + 0.045)), FRONT, (2, 9), 0.012)
                 for z in (0.70, 0.765, 0.83)
             ),
+            *(
+                bar((x0, y0, 1.31), (x1, y1, 1.37), 0.010, 5)
+                for x0, y0, x1, y1 in ((2.06, -0.10, 1.945, -0.68), (2.06, 0.62, 1.945, 0.06))
+            ),
+        ]
+    )
+
+
+def _trim(body: Mesh) -> Mesh:
+    """Return bumpers, grille, rubbing strips, door gaps, wipers and the rear step."""
+    return merge(
+        [
+            front_trim(body),
             _across(body, ((-0.97, 0.33), (0.97, 0.33), (0.97, 0.55), (-0.97, 0.55)), REAR, (2, 9), 0.012),
             side_panel(body, ((-1.20, 0.66), (1.46, 0.66), (1.46, 0.76), (-1.20, 0.76)), 0.010, (2, 8)),
             side_panel(body, ((-2.86, 0.66), (-2.16, 0.66), (-2.16, 0.76), (-2.86, 0.76)), 0.010, (2, 4)),
@@ -98,7 +116,7 @@ def _trim(body: Mesh) -> Mesh:
                 body,
                 [
                     np.array([(0.50, 0.40), (0.50, 2.28)]),
-                    np.array([(1.48, 0.80), (1.50, 1.05), (1.72, 1.30), (1.72, 1.36), (1.06, 2.16), (0.50, 2.16)]),
+                    DOOR_GAP,
                     np.array([(-0.85, 0.80), (-0.85, 2.28)]),
                     np.array([(-0.85, 2.28), (0.50, 2.28)]),
                     np.array([(-2.75, 1.35), (-0.85, 1.35)]),
@@ -112,15 +130,11 @@ def _trim(body: Mesh) -> Mesh:
             strips(
                 body, [np.array([(0.56, 1.12), (0.74, 1.12)]), np.array([(0.30, 1.12), (0.46, 1.12)])], 0.035, 0.025
             ),
-            *(
-                bar((x0, y0, 1.31), (x1, y1, 1.37), 0.010, 5)
-                for x0, y0, x1, y1 in ((2.06, -0.10, 1.945, -0.68), (2.06, 0.62, 1.945, 0.06))
-            ),
         ]
     )
 
 
-def _mirrors() -> tuple[Mesh, Mesh]:
+def mirrors() -> tuple[Mesh, Mesh]:
     """Return housings with their arms, and mirror glass."""
     profile = np.array([(0.0, -0.20), (0.06, -0.20), (0.09, -0.16), (0.095, 0.15), (0.06, 0.20), (0.0, 0.20)])
     housing = outward(revolve(profile, 10, "z")).moved((1.50, 1.15, 1.42))
@@ -157,11 +171,11 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     }
     if not fine:
         return parts | {"trim": (floor, "trim"), "underbody": (under["floor"], "underbody"), **wheels(True)}
-    mirrors, mirror_glass = _mirrors()
+    mirror_parts, mirror_glass = mirrors()
     return parts | {
         "trim": (merge([floor, _trim(body)]), "trim"),
         "indicators": (side_panel(body, ((1.42, 0.90), (1.50, 0.90), (1.50, 0.94), (1.42, 0.94)), 0.008), "indicator"),
-        "mirrors": (mirrors, "trim"),
+        "mirrors": (mirror_parts, "trim"),
         "mirror_glass": (mirror_glass, "mirror_glass"),
         "underbody": (merge(list(under.values())), "underbody"),
         **wheels(),

@@ -27,20 +27,26 @@ MOST_RECORD_BYTES = 2000 * MEGABYTE
 MOST_SAMPLES = 5_000_000
 
 _WORDS = (
-    ("bus", "bus"), ("coach", "bus"), ("truck", "lorry"), ("lorry", "lorry"), ("trailer", "lorry"), ("delivery",
-    "van"), ("van", "van"),
+    ("bus", "bus"), ("coach", "coach"), ("tram", "tram"), ("pickup", "pickup"),
+    ("truck", "lorry"), ("lorry", "lorry"), ("trailer", "lorry"), ("delivery", "van"), ("van", "van"),
     ("emergency", "van"), ("motorcycle", "motorcycle"), ("moped", "scooter"), ("scooter", "scooter"), ("bike",
     "bicycle"), ("bicycle", "bicycle"),
-    ("suv", "suv"), ("small", "small_car"), ("child", "child"), ("ped", "adult_man"), ("person", "adult_man"),
+    ("suv", "suv"), ("wagon", "estate"), ("hatchback", "small_car"), ("small", "small_car"),
+    ("child", "child"), ("ped", "adult_man"), ("person", "adult_man"),
     ("woman", "adult_woman"),
 )  # fmt: skip # a table
 MODELS = (
     "small_car",
     "saloon",
+    "estate",
     "suv",
+    "pickup",
     "van",
+    "box_van",
     "lorry",
     "bus",
+    "coach",
+    "tram",
     "motorcycle",
     "bicycle",
     "scooter",

@@ -82,7 +82,7 @@ def shut_lines(shape: CarShape) -> list[Array]:
     b_pillar = front - 0.37 - length * 0.5 * (shape.glazing[0][1] + b0)
     c_pillar = max(front - 0.37 - length * b1, shape.rear_axle + 0.25)
     a_pillar = min(front - 0.40 - length * a0, shape.front_axle - arch - 0.08)
-    sill = 0.27
+    sill = max(0.27, shape.floor + 0.03)
     lines = [np.array([(x, sill), (x, 0.5), (x - 0.01, belt)]) for x in (a_pillar, b_pillar)]
     top_rear = np.array(
         [

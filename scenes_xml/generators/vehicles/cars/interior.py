@@ -43,17 +43,16 @@ def seats(shape: CarShape) -> dict[str, Seat]:
     x, y, z = shape.front_axle - HIP_BEHIND_AXLE, 0.44 * shape.cabin_base_width, shape.height - HEAD_ROOM
     found = {"driver": Seat(x, y, z), "beside": Seat(x, -y, z)}
     if shape.rows > 1:
-        found |= {"left": Seat(x - ROW, y, z + 0.03), "right": Seat(x - ROW, -y, z + 0.03)}
+        row = shape.extra.get("row", ROW)
+        found |= {"left": Seat(x - row, y, z + 0.03), "right": Seat(x - row, -y, z + 0.03)}
     return found
 
 
 def well(shape: CarShape) -> Well:
     """Return where the deck lies lower: between the wheel houses, as far as the last row of seats needs."""
     reach = shape.wheel_radius + 0.055 + 0.115
-    rear = shape.rear_axle + reach
-    if shape.rows == 1:
-        rear = max(rear, shape.cabin_base[0] + 0.12)
     rear_end, front_end = shape.cabin_base
+    rear = max(shape.rear_axle + reach, rear_end + 0.25)
     corner = front_end - 0.20 - 0.17 * (front_end - rear_end) / 2.6  # where the pane bends to the side
     return Well(rear, min(shape.front_axle - reach, corner - 0.21), shape.floor + 0.14)
 

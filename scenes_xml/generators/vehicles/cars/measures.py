@@ -28,6 +28,10 @@ class CarShape:
         Side windows along the cabin, 0 = front to 1 = rear.
     rows : int
         Rows of seats.
+    bed : tuple of (rear x, front x, floor z), optional
+        The open load bed of a pickup, behind the cabin.
+    stations : tuple of float
+        x of further cross-sections.
     cladding : bool
         True if the sills, the rims of the wheel arches and the lower bumpers are black plastic.
     """
@@ -51,6 +55,8 @@ class CarShape:
     nose_slope: float = 0.13
     spokes: int = 5
     rows: int = 2
+    bed: tuple[float, float, float] | None = None
+    stations: tuple[float, ...] = ()
     cladding: bool = False
     lamp_height: float = 0.66
     tail_lamp: tuple[float, float] = (0.76, 0.93)

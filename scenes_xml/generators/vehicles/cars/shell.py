@@ -76,7 +76,9 @@ def _stations(shape: CarShape) -> tuple[Array, Array]:
     round_front = h - r + r * np.sin(bend)
     nose = np.linspace(shape.front_axle + arch + 0.06, h - r - 0.05, 4)
     tail = np.linspace(-h + r + 0.05, shape.rear_axle - arch - 0.06, 5)
-    x = np.unique(np.round(np.concatenate([wheels, middle, round_front, -round_front, nose, tail]), 6))[::-1]
+    x = np.unique(np.round(np.concatenate([wheels, middle, round_front, -round_front, nose, tail, shape.stations]), 6))[
+        ::-1
+    ]
     past = np.clip((np.abs(x) - (h - r)) / r, 0.0, 1.0)
     inset = r * (1.0 - np.sqrt(1.0 - past**2))
     return x, inset
@@ -125,8 +127,9 @@ def shell_ring(shape: CarShape, x: float, inset: float, deck: PchipInterpolator)
 def shell(shape: CarShape, wells: Sequence[Well] = ()) -> tuple[Mesh, Mesh]:
     """Return the painted and the black part of the lower body with its wheel arches; together they are closed.
 
-    In `wells` the deck is lowered, their walls and floors are black.
+    In `wells`, and in the bed of a pickup, the deck is lowered; their walls and floors are black.
     """
+    wells = [*wells, *([] if shape.bed is None else [Well(*shape.bed)])]
     xs, insets = _stations(shape)
     z = np.array(shape.deck)
     deck = PchipInterpolator(z[:, 0], z[:, 1])
