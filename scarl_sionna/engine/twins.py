@@ -25,6 +25,7 @@ from scarl_sionna.core.temporary import temporary_folder
 from scarl_sionna.scene.bodies.bending import vertex_normals
 from scarl_sionna.scene.document.model import SceneDocument, twin_xml
 from scarl_sionna.scene.materials.table import MaterialTable
+from scarl_sionna.scene.motion.trajectory import Trajectory
 
 from . import variant
 from .device import Device, aligned
@@ -169,10 +170,11 @@ class Twin:
         twist_of_part: Mapping[str, Twist],
         meshes: Mapping[str, MeshData],
         bent: Mapping[str, MeshData],
+        ways: Mapping[str, Trajectory],
     ) -> None:
         """Move the actors' parts to a state at a time [s], and switch its lights; nothing if it is already applied.
 
-        Parts in `bent` have that mesh in place of their own.
+        Parts in `bent` have that mesh in place of their own. `ways` are the actors' trajectories by name.
         """
         if self._applied is state:
             return
@@ -187,7 +189,7 @@ class Twin:
                 if self._lamps is not None and name in self._lamps.shapes:
                     self._lamps.move(self._params, name, pose)
             if self._lamps is not None:
-                self._lamps.switch(self._params, time)
+                self._lamps.switch(self._params, time, ways)
             with many_threads():
                 self._params.update()
             if self.sionna_scene is not None:

@@ -546,6 +546,7 @@ class WorldState(Described):
             {names[part]: motion.twist for part, motion in self._part_motion.items()},
             self.world._meshes,
             self._bent_meshes,
+            {actor.name: actor.trajectory for actor in self.world.actors},
         )
         return twin
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from ..generators.geometry.mesh import Mesh
 from ..generators.vehicles import box_van, bus, lorry, tram, van
+from ..generators.vehicles.vehicle_parts import one_side
 from . import materials
 from .cars import joints
 from .materials import ROLES, VEHICLE, Color
@@ -34,10 +35,12 @@ LOADED = {
 
 
 def _parts(found: dict[str, tuple[Mesh, str]]) -> dict[str, Part]:
-    return {
-        name: Part(replace(mesh, uv=None), ROLES.get(role, role), 45.0 if role == "paint" else 35.0)
-        for name, (mesh, role) in found.items()
-    }
+    parts = {}
+    for name, (mesh, role) in found.items():
+        sides = {"": mesh} if role != "indicator" else {"_left": one_side(mesh, 1.0), "_right": one_side(mesh, -1.0)}
+        for side, own in sides.items():
+            parts[name + side] = Part(replace(own, uv=None), ROLES.get(role, role), 45.0 if role == "paint" else 35.0)
+    return parts
 
 
 def _wheel_joints(centres: dict[str, tuple[float, float, float]]) -> list[dict[str, Any]]:
@@ -156,7 +159,7 @@ def _bus(name: str, title: str, shape: bus.BusShape, looks: dict[str, tuple[Colo
             VEHICLE["black_plastic"], color=cover, lidar_reflectance=0.55, source="estimate, white glass-fibre plastic"
         ),
         "led_sign": replace(
-            VEHICLE["indicator"], color=(0.75, 0.33, 0.02), source="estimate, clear pane over amber LEDs"
+            VEHICLE["indicator"], color=(0.75, 0.33, 0.02), source="estimate, clear pane over amber LEDs", lamp=None
         ),
     }
     centres = {}

@@ -81,7 +81,9 @@ VEHICLE: dict[str, Bsdf] = {
         roughness=0.06,
         specular=0.6,
     ),
-    "indicator": _bsdf("plastic", 0.45, (0.70, 0.22, 0.02), "estimate, amber acrylic", roughness=0.1, specular=0.6),
+    "indicator": _bsdf(
+        "plastic", 0.45, (0.70, 0.22, 0.02), "estimate, amber acrylic", lamp="indicator", roughness=0.1, specular=0.6
+    ),
     "bright_metal": _bsdf("metal", 0.50, (0.72, 0.73, 0.74), roughness=0.25, metallic=1.0),
     "number_plate": replace(
         _bsdf(

@@ -32,7 +32,7 @@ class Bsdf:
     retroreflected_luminance : float
         Of beads in a marking, R_L [cd/(lx m2)].
     lamp : str, optional
-        Kind of lamp that the surface is: ``headlamp``, ``taillamp``, ``street_lamp``.
+        Kind of lamp that the surface is: ``headlamp``, ``taillamp``, ``indicator``, ``street_lamp``.
     wets : float
         How much of the ground's wetness it takes, 0 to 1.
     puddles : str, optional

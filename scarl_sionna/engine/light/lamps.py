@@ -3,6 +3,8 @@
 A surface of a material with ``lamp = "headlamp" | "taillamp" | "street_lamp"`` in scene.toml glows when the lighting
 says so, those of `ALWAYS_ON` (rooms and tunnels, traffic lights) under every lighting. In front
 of each half (left, right) of a head lamp's surface hangs a projector with the light distribution of a low beam.
+Tail lamps shine brighter while their vehicle brakes, and ``indicator`` ones blink on the side to which it goes, by day
+too; all lamps of a parked vehicle are off. What they tell follows from the trajectory (`scene.motion.signalling`).
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.scene.document.model import SceneDocument
 from scarl_sionna.scene.lanes import Signals
+from scarl_sionna.scene.motion import signalling
+from scarl_sionna.scene.motion.trajectory import Trajectory
 
 from .sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
 
@@ -32,7 +36,7 @@ _COLORS = {
     "headlamp": (1.0, 0.93, 0.82), "taillamp": (1.0, 0.0, 0.0), "street_lamp": (1.0, 0.86, 0.66),
     "indoor": (1.0, 0.93, 0.82), "signal_red": (1.0, 0.02, 0.01), "signal_amber": (1.0, 0.36, 0.0),
     "signal_green": (0.0, 1.0, 0.32),
-    "lane_red": (1.0, 0.02, 0.01), "lane_green": (0.0, 1.0, 0.32),
+    "lane_red": (1.0, 0.02, 0.01), "lane_green": (0.0, 1.0, 0.32), "indicator": (1.0, 0.36, 0.0),
 }  # fmt: skip # a table
 """Linear RGB: LED of 5000 K, red, LED of 4000 K, LED of 5000 K, signals, before they are scaled to luminance 1."""
 ALWAYS_ON = {
@@ -48,6 +52,10 @@ class 2) over its lens of 200 mm; a lane signal dimmed for a tunnel (engineering
 _GLOW_INTENSITY = {"headlamp": 450.0, "taillamp": 8.0}
 """Intensity of a lamp's surface seen from the front [cd]: a low beam above its cut-off stays below 625 cd, and a rear
 position lamp gives 4 to 17 cd (UN Regulations 149 and 148)."""
+BRAKE_INTENSITY = 100.0
+"""Of a tail lamp while the brakes work [cd]: 60 to 260 cd (UN Regulation 148, S1)."""
+INDICATOR_INTENSITY = 200.0
+"""Of the indicators of one side [cd], all of them: 175 to 1000 cd in front, 50 to 500 cd behind (the same)."""
 _WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0, "indoor": 3.0}
 _SIGNAL_WEIGHT = 0.05
 """How often a light path asks a surface for light; beams ask at weight 1. Signals are bright to look at and light
@@ -59,13 +67,15 @@ BEAM_FOV_DEG = 100.0
 _BEAM_SIZE = (256, 768)
 
 
-def is_on(lamp: str | None, lighting: Lighting | None) -> bool:
-    """Return whether a kind of lamp is switched on."""
+def is_on(lamp: str | None, lighting: Lighting | None, enclosed: bool = False) -> bool:
+    """Return whether a kind of lamp is switched on; vehicles that drive in tunnels and garages have theirs on."""
     if lamp is None or lighting is None:
         return False
     if lamp in ALWAYS_ON:
         return True
-    return lighting.street_lamps if lamp == "street_lamp" else lighting.headlamps
+    if lamp == "indicator":
+        return False
+    return lighting.street_lamps if lamp == "street_lamp" else lighting.headlamps or enclosed
 
 
 def low_beam(azimuth_deg: Array, elevation_deg: Array) -> Array:
@@ -123,13 +133,18 @@ def lamp_elements(
     """
     glowing: dict[str, ET.Element] = {}
     beams: list[ET.Element] = []
+    parked, signalling_shapes = parked_shapes(document), set(signals_of_vehicles(document, lighting))
     for shape, bsdf in document.bsdf_of_shape.items():
         lamp = document.materials[bsdf].lamp
-        if lamp is None or not is_on(lamp, lighting):
+        if lamp is None or shape in parked:
             continue
+        lit = is_on(lamp, lighting, _is_enclosed(document))
+        if not (lit or shape in signalling_shapes):
+            continue
+        weight = _WEIGHTS.get(lamp, _SIGNAL_WEIGHT) if lit else 0.0  # is seen, and lights nothing of note
         emitter = ET.Element("emitter", {"type": "area"})
         ET.SubElement(emitter, "rgb", {"name": "radiance", "value": "1, 1, 1"})
-        ET.SubElement(emitter, "float", {"name": "sampling_weight", "value": repr(_WEIGHTS.get(lamp, _SIGNAL_WEIGHT))})
+        ET.SubElement(emitter, "float", {"name": "sampling_weight", "value": repr(weight)})
         glowing[shape] = emitter
         if lamp == "headlamp":
             beams += [_beam(f"beam-{shape}-{side}", folder / "low_beam.exr") for side in ("left", "right")]
@@ -174,6 +189,54 @@ def lenses(document: SceneDocument) -> dict[str, Lens]:
     return found
 
 
+def _is_enclosed(document: SceneDocument) -> bool:
+    return bool(document.info.get("enclosed", False))
+
+
+def parked_shapes(document: SceneDocument) -> frozenset[str]:
+    """Return the shapes of actors that never move."""
+    parked = (e for e in document.instances if e.trajectory is not None and signalling.is_parked(e.trajectory))
+    return frozenset(shape for entry in parked for shape in entry.shapes)
+
+
+class VehicleLamp(NamedTuple):
+    """A lamp by which a vehicle tells what it does: the vehicle's name, and ``brake``, ``left`` or ``right``."""
+
+    actor: str
+    tells: str
+
+    def is_lit(self, trajectory: Trajectory, time: float) -> bool:
+        """Return whether it shines at a time [s]."""
+        if self.tells == "brake":
+            return signalling.is_braking(trajectory, time)
+        return signalling.is_flash(time) and signalling.indicated(trajectory, time) == self.tells
+
+
+def signals_of_vehicles(document: SceneDocument, lighting: Lighting | None) -> dict[str, VehicleLamp]:
+    """Return the lamps of vehicles that ever brake or indicate, by shape id.
+
+    Indicators are shapes whose id ends in ``_left`` or ``_right``.
+    """
+    found: dict[str, VehicleLamp] = {}
+    for entry in document.instances if lighting is not None else ():
+        kinds = {shape: document.materials[document.bsdf_of_shape[shape]].lamp for shape in entry.shapes}
+        told = {shape: lamp for shape, lamp in kinds.items() if lamp in ("taillamp", "indicator")}
+        if (
+            not told
+            or entry.semantic == "Bicycle"
+            or entry.trajectory is None
+            or not signalling.ever_signals(entry.trajectory)
+        ):
+            continue
+        for shape, lamp in told.items():
+            side = shape.rsplit("_", 1)[-1]
+            if lamp == "taillamp":
+                found[shape] = VehicleLamp(entry.name, "brake")
+            elif side in ("left", "right"):
+                found[shape] = VehicleLamp(entry.name, side)
+    return found
+
+
 class Lamps:
     """The lamps of a loaded optical scene: sets their strength, moves beams with their vehicles, switches signals.
 
@@ -192,15 +255,23 @@ class Lamps:
         self._mounts: dict[str, dict[str, Pose]] = {}
         self._signals = None if document.lanes is None else document.lanes.signals
         self._lenses = {} if lighting is None else lenses(document)
+        self._told = signals_of_vehicles(document, lighting)
         self._radiance: dict[str, Array] = {}
+        self._rest: dict[str, Array] = {}
         self._lit: dict[str, bool] = {}
+        parked = parked_shapes(document)
         for shape, bsdf in document.bsdf_of_shape.items():
             lamp = document.materials[bsdf].lamp
-            if lamp is None or not is_on(lamp, lighting):
+            shines = is_on(lamp, lighting, _is_enclosed(document))
+            if lamp is None or shape in parked or not (shines or shape in self._told):
                 continue
             vertices, faces = meshes[shape].vertices, meshes[shape].faces
             key = f"{shape}.emitter.radiance.value"
-            radiance = _glow(lamp, vertices, faces) * _unit_color(lamp)
+            glow = _glow(lamp, vertices, faces) * _unit_color(lamp)
+            radiance = glow if shines else np.zeros(3)
+            if shape in self._told:
+                more = 1.0 if lamp == "indicator" else BRAKE_INTENSITY / _GLOW_INTENSITY[lamp]
+                self._rest[shape], self._radiance[shape], self._lit[shape] = radiance, more * glow, False
             params[key] = type(params[key])(*radiance.tolist())
             if shape in self._lenses:
                 self._radiance[shape], self._lit[shape] = radiance, True
@@ -213,15 +284,26 @@ class Lamps:
         """Shapes that carry beams."""
         return tuple(self._mounts)
 
-    def switch(self, params: MitsubaObject, time: float) -> None:
-        """Show what traffic lights show at a time [s]; a lens that is off stays in the scene and gives no light."""
-        if self._signals is None:
-            return
+    def switch(self, params: MitsubaObject, time: float, ways: Mapping[str, Trajectory]) -> None:
+        """Show what traffic lights and vehicles show at a time [s]; a lens that is off stays and gives no light.
+
+        `ways` are the trajectories of the actors by name.
+        """
+        known: dict[VehicleLamp, bool] = {}
         for shape, radiance in self._radiance.items():
-            lit = self._lenses[shape].is_lit(self._signals, time)
+            told = self._told.get(shape)
+            if told is not None:
+                if told not in known:
+                    known[told] = told.is_lit(ways[told.actor], time)
+                lit = known[told]
+            elif self._signals is not None:
+                lit = self._lenses[shape].is_lit(self._signals, time)
+            else:
+                continue
             if lit != self._lit[shape]:
                 key, self._lit[shape] = f"{shape}.emitter.radiance.value", lit
-                params[key] = type(params[key])(*(radiance * lit).tolist())
+                shown = radiance if lit else self._rest.get(shape, 0.0 * radiance)
+                params[key] = type(params[key])(*shown.tolist())
 
     def move(self, params: MitsubaObject, shape: str, world_from_part: Pose) -> None:
         """Put the beams of a shape where it is now."""
@@ -246,6 +328,8 @@ def _glow(lamp: str, vertices: Array, faces: npt.NDArray[np.int64]) -> float:
         luminance = ALWAYS_ON[lamp]
     elif lamp == "street_lamp":
         luminance = STREET_LAMP_FLUX / (np.pi * np.linalg.norm(area_vectors, axis=1).sum())
+    elif lamp == "indicator":  # where its faces look most
+        luminance = INDICATOR_INTENSITY / (np.abs(area_vectors).sum(axis=0).max() / 2.0)
     else:  # two lamps, seen from along x
         luminance = _GLOW_INTENSITY[lamp] / (np.abs(area_vectors[:, 0]).sum() / 2.0 / 2.0)
     return luminance / UNIT_LUMINANCE

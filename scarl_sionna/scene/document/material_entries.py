@@ -17,6 +17,7 @@ MOST_RETROREFLECTION = 5000.0
 LAMP_KINDS = (
     "headlamp",
     "taillamp",
+    "indicator",
     "street_lamp",
     "indoor",
     "signal_red",

@@ -12,6 +12,11 @@ from ..geometry.mesh import Array, Mesh, box, merge, outward, revolve, tube
 Point = tuple[float, float, float]
 
 
+def one_side(mesh: Mesh, side: float) -> Mesh:
+    """Return the faces of a mesh on the left (`side` 1) or on the right (-1)."""
+    return replace(mesh, faces=mesh.faces[mesh.vertices[mesh.faces, 1].mean(axis=1) * side > 0.0])
+
+
 def bar(start: Point, stop: Point, radius: float, segments: int = 6) -> Mesh:
     """Return a round bar between two points [m]."""
     return tube(np.array([start, stop], float), radius, segments)

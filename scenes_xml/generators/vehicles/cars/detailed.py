@@ -14,6 +14,20 @@ from .fittings import handles, mirror, shut_lines, wheel
 from .measures import WHEELS, CarShape
 from .shell import shell
 
+SIDES = {"left": 1.0, "right": -1.0}
+
+
+def _indicators(shape: CarShape, whole: Mesh, side: float) -> Mesh:
+    """Return the indicators of a side: at the outer end of the head lamp, and below the tail lamp."""
+    w, lamp, low = shape.width / 2, shape.lamp_height, shape.tail_lamp[0]
+    ahead = [(0.84 * w, lamp - 0.025), (0.92 * w, lamp - 0.015), (0.93 * w, lamp + 0.055), (0.85 * w, lamp + 0.045)]
+    inner = shape.extra.get("tail_lamp_inner", 0.58)
+    behind = [(inner * w, low - 0.045), (0.91 * w, low - 0.04), (0.915 * w, low - 0.005), (inner * w, low - 0.008)]
+    front, rear = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    return merge(
+        [panel(whole, ahead, front, side, 0.012, cells=(3, 3)), panel(whole, behind, rear, side, 0.007, cells=(2, 5))]
+    )
+
 
 def build(
     shape: CarShape, turning_wheels: bool = False, mirrors_apart: bool = False, occupants: Sequence[str] | None = None
@@ -124,5 +138,6 @@ def build(
     if occupants is not None:
         people = interior.occupants(shape, occupants) if occupants else {}
         parts |= {"interior": (interior.trim(shape), "interior"), "seats": (interior.upholstery(shape), "seat")}
+        parts |= {f"indicators_{name}": (_indicators(shape, whole, side), "indicator") for name, side in SIDES.items()}
         parts |= {f"people_{kind}": (mesh, kind) for kind, mesh in people.items()}
     return parts
