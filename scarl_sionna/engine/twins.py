@@ -25,11 +25,10 @@ from scarl_sionna.core.temporary import temporary_folder
 from scarl_sionna.scene.bodies.bending import vertex_normals
 from scarl_sionna.scene.document.model import SceneDocument, twin_xml
 from scarl_sionna.scene.materials.table import MaterialTable
-from scarl_sionna.scene.motion.trajectory import Trajectory
 
 from . import variant
 from .device import Device, aligned
-from .light.lamps import Lamps, lamp_elements
+from .light.lamps import Lamps, Moment, lamp_elements
 from .light.look import airlight, sky_elements, wet_bsdfs
 from .light.recorded import Recordings
 from .threads import many_threads
@@ -165,16 +164,15 @@ class Twin:
     def apply(
         self,
         state: object,
-        time: float,
+        moment: Moment,
         world_from_part: Mapping[str, Pose],
         twist_of_part: Mapping[str, Twist],
         meshes: Mapping[str, MeshData],
         bent: Mapping[str, MeshData],
-        ways: Mapping[str, Trajectory],
     ) -> None:
-        """Move the actors' parts to a state at a time [s], and switch its lights; nothing if it is already applied.
+        """Move the actors' parts to a state at a moment, and switch its lights; nothing if it is already applied.
 
-        Parts in `bent` have that mesh in place of their own. `ways` are the actors' trajectories by name.
+        Parts in `bent` have that mesh in place of their own.
         """
         if self._applied is state:
             return
@@ -189,7 +187,7 @@ class Twin:
                 if self._lamps is not None and name in self._lamps.shapes:
                     self._lamps.move(self._params, name, pose)
             if self._lamps is not None:
-                self._lamps.switch(self._params, time, ways)
+                self._lamps.switch(self._params, moment)
             with many_threads():
                 self._params.update()
             if self.sionna_scene is not None:

@@ -35,6 +35,7 @@ from scarl_sionna.scene.motion.trajectory import Motion, Trajectory, is_present
 from scarl_sionna.scene.tables import Actor, InstanceInfo, RayHits, part_table
 
 from .instances import Shapes, check_bodies, describe_instance
+from .light.lamps import Moment
 from .rays.bent_faces import BentFaces, bent_faces
 from .rays.cast import Target, cast_rays
 from .rays.enclosure import is_enclosed, is_left_behind
@@ -541,12 +542,11 @@ class WorldState(Described):
         names = self.world.parts.name
         twin.apply(
             self,
-            self.time,
+            Moment(self.time, {actor.name: actor.trajectory for actor in self.world.actors}),
             {names[part]: motion.pose for part, motion in self._part_motion.items()},
             {names[part]: motion.twist for part, motion in self._part_motion.items()},
             self.world._meshes,
             self._bent_meshes,
-            {actor.name: actor.trajectory for actor in self.world.actors},
         )
         return twin
 

@@ -19,6 +19,7 @@ from ..generators.roadside import furniture
 from ..generators.scene_toml import ActorEntry, Instance, scene_toml
 from ..generators.surfaces.palette import PALETTE
 from ..generators.vehicles.cars import detailed as car
+from ..generators.vehicles.cars.measures import WHEELS, wheel_centre
 from ..generators.vehicles.cars.shapes import CARS as SHAPES
 from ..generators.vehicles.cars.shapes import ROLES
 from ..generators.xml import Placement, scene_xml
@@ -159,10 +160,10 @@ def _cars(writer: Writer) -> Iterator[ActorEntry]:
             {
                 "kind": "wheel",
                 "shapes": [f"{plan.name}_wheel_{wheel}_{part}" for part in ("tyre", "rim")],
-                "center": car.wheel_centre(shape, wheel),
+                "center": wheel_centre(shape, wheel),
                 "radius": shape.wheel_radius,
             }
-            for wheel in car.WHEELS
+            for wheel in WHEELS
         ]
         positions = np.stack([plan.x, np.full_like(plan.x, plan.y), 0.0 * plan.x], 1)
         yield ActorEntry(plan.name, "Car", at.TIMES, positions, np.full_like(plan.x, plan.yaw_deg), joints)

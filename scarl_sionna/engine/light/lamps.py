@@ -199,6 +199,13 @@ def parked_shapes(document: SceneDocument) -> frozenset[str]:
     return frozenset(shape for entry in parked for shape in entry.shapes)
 
 
+class Moment(NamedTuple):
+    """A time [s], and the trajectories of the actors by name."""
+
+    time: float
+    ways: Mapping[str, Trajectory]
+
+
 class VehicleLamp(NamedTuple):
     """A lamp by which a vehicle tells what it does: the vehicle's name, and ``brake``, ``left`` or ``right``."""
 
@@ -284,17 +291,15 @@ class Lamps:
         """Shapes that carry beams."""
         return tuple(self._mounts)
 
-    def switch(self, params: MitsubaObject, time: float, ways: Mapping[str, Trajectory]) -> None:
-        """Show what traffic lights and vehicles show at a time [s]; a lens that is off stays and gives no light.
-
-        `ways` are the trajectories of the actors by name.
-        """
+    def switch(self, params: MitsubaObject, moment: Moment) -> None:
+        """Show what traffic lights and vehicles show at a moment; a lens that is off stays and gives no light."""
+        time = moment.time
         known: dict[VehicleLamp, bool] = {}
         for shape, radiance in self._radiance.items():
             told = self._told.get(shape)
             if told is not None:
                 if told not in known:
-                    known[told] = told.is_lit(ways[told.actor], time)
+                    known[told] = told.is_lit(moment.ways[told.actor], time)
                 lit = known[told]
             elif self._signals is not None:
                 lit = self._lenses[shape].is_lit(self._signals, time)
