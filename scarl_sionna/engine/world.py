@@ -28,6 +28,7 @@ from scarl_sionna.scene.document.model import SceneDocument
 from scarl_sionna.scene.document.staging import StagedActor, on_trajectories
 from scarl_sionna.scene.document.staging import stage as stage_document
 from scarl_sionna.scene.lanes import SIGNAL_COLORS
+from scarl_sionna.scene.materials.lying_snow import with_lying_snow
 from scarl_sionna.scene.materials.table import MaterialTable
 from scarl_sionna.scene.materials.wet import wet_surfaces
 from scarl_sionna.scene.motion.articulation import joints_on_ground
@@ -41,6 +42,7 @@ from .rays.cast import Target, cast_rays
 from .rays.enclosure import is_enclosed, is_left_behind
 from .rays.footing import Footing
 from .rays.geometry import Triangles, upright_box
+from .snow_cover import SKY, snow_covered
 from .threads import many_threads
 from .twins import MeshData, Twin
 from .types import MitsubaObject
@@ -148,7 +150,7 @@ class World(Described):
         return other
 
     def with_weather(self, weather: Weather | str) -> World:
-        """Return this world in another weather: its materials wet, its lighting as :meth:`Weather.over` has it.
+        """Return this world in another weather: its materials wet or under snow, its lighting by :meth:`Weather.over`.
 
         Sensors read `weather` for what is in the air; indoors (`is_indoors`) all stays dry unless it gives a `wetness`.
         The new world shares everything but the optical twin; geometry and instances stay.
@@ -163,12 +165,20 @@ class World(Described):
         chosen = Weather.preset(weather) if isinstance(weather, str) else weather
         other.weather = chosen.with_(wetness=0.0) if self.is_indoors and chosen.wetness is None else chosen
         document, materials, lighting = self._dry
+        if other.weather.lying_snow != "none":
+            covered = snow_covered(self.parts, self._meshes, self._sheltered, other.weather)
+            document = with_lying_snow(document, covered, other.weather.snow)
         other.document, other.materials = wet_surfaces(document, materials, other.weather)
         other.parts = part_table(other.document, other.materials)[0]
         other.lighting = other.weather.over(lighting, self.is_indoors)
-        if other.lighting != self.lighting:
+        if other.lighting != self.lighting or other.document.bsdf_of_shape != self.document.bsdf_of_shape:
             other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
         return other
+
+    def _sheltered(self, places: Array) -> int:
+        """Return how many of places (n, 3) [m] have something above them."""
+        state = self.at(float(np.clip(0.0, *self.time_range)))
+        return len(np.unique(state.cast(places, np.broadcast_to([0.0, 0.0, 1.0], places.shape), max_distance=SKY).ray))
 
     def with_actors(self, actors: Sequence[StagedActor], ego: str | None = None) -> World:
         """Return a world of its own in which this one's scene has more actors; see :func:`scarl_sionna.stage`."""

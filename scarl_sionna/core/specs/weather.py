@@ -107,6 +107,10 @@ class Weather(Spec):
         None, ge=0.0, le=1.0, description="of the surfaces; None: what the rain makes of them"
     )
 
+    lying_snow: Literal["none", "beside_roads", "everywhere"] = Field(
+        "none", description="closed cover on ground and roofs that are open to the sky; beside_roads: roads are cleared"
+    )
+
     @model_validator(mode="after")
     def _check(self) -> Weather:
         if self.visibility is not None and self.fog_water is not None:
@@ -117,6 +121,8 @@ class Weather(Spec):
             raise ValueError(
                 f"rain at -5 degrees Celsius or above, not at {self.temperature_celsius:g}; give a snow_rate"
             )
+        if self.lying_snow != "none" and self.temperature_celsius > 5.0:
+            raise ValueError(f"lying snow at 5 degrees Celsius or below, not at {self.temperature_celsius:g}")
         if self.snow_rate > 0.0 and self.temperature_celsius > 5.0:
             raise ValueError(
                 f"snow at 5 degrees Celsius or below, not at {self.temperature_celsius:g}; give a rain_rate"
@@ -138,8 +144,10 @@ class Weather(Spec):
 
     @property
     def is_clear(self) -> bool:
-        """Whether nothing of it reaches any sensor: no rain, fog, snow, gases, and dry surfaces."""
+        """Whether nothing of it reaches any sensor: no rain, fog, snow, gases, and dry surfaces without snow."""
         fog = self.visibility is not None or self.fog_water is not None
+        if self.lying_snow != "none":
+            return False
         return not (self.rain_rate > 0.0 or self.snow_rate > 0.0 or fog or self.gases or self.surface_wetness > 0.0)
 
     @property

@@ -9,6 +9,7 @@ import shapely
 
 from scenes_xml.generators.buildings import cityblock
 from scenes_xml.generators.buildings.houses import WALLS, HousePlan, build_house, family_house
+from scenes_xml.generators.geometry import polygon
 from scenes_xml.generators.geometry.mesh import Mesh, box, merge
 from scenes_xml.generators.kit import Prefab, SceneKit
 from scenes_xml.generators.plants import planting
@@ -133,7 +134,9 @@ def _prefab(kit: SceneKit, building: _Building) -> Prefab:
         parts = {"walls": merge([parts["walls"], parts["trim"], plinth]), "panes": parts["panes"]}
     else:
         parts["walls"] = merge([parts["walls"], plinth])
-    bsdfs = {"walls": "facade_white", "panes": "window_pane", "trim": "facade_trim"}
+    half = 0.5 * np.array([building.plan.width, building.plan.depth]) - 0.05
+    parts["roof"] = polygon.sheet(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)], building.plan.height + 0.03, 2.0)
+    bsdfs = {"walls": "facade_white", "panes": "window_pane", "trim": "facade_trim", "roof": "gravel_fine"}
     return kit.prefab(f"beside_{building.kind}", parts, bsdfs)
 
 
