@@ -12,7 +12,7 @@ QUALITY ?= draft
 JOBS ?= 2
 PYTEST_ARGS ?=
 
-.PHONY: help setup demo test test-slow checks lint style types imports format bench validation docs notebooks clean distclean
+.PHONY: help setup demo test test-slow test-gpu checks lint style types imports format bench validation docs notebooks clean distclean
 
 ifeq ($(MAKELEVEL),0)
 .NOTPARALLEL: # whatever -j says: two set-ups at once would write into one environment
@@ -35,13 +35,16 @@ demo: $(STAMP) ## Simulate a short synchronized dataset and its contact sheet in
 	$(BIN)/scarl-sionna demo --out $(OUT) --quality $(QUALITY)
 
 # compiled modules are kept, whatever the environment says: a run starts some fifty processes
-test test-slow: export PYTHONDONTWRITEBYTECODE =
+test test-slow test-gpu: export PYTHONDONTWRITEBYTECODE =
 
 test: checks ## Run the linters, build the documentation site, and run all tests but the slow ones
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 test-slow: checks ## Run the linters, build the documentation site, and run all tests
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --run-slow $(PYTEST_ARGS)
+
+test-gpu: $(TEST_STAMP) ## Run every solver, camera and lidar on CUDA beside the processor; skips where no device is
+	$(BIN)/python -m pytest -m gpu $(PYTEST_ARGS) tests/gpu
 
 checks: $(TEST_STAMP)
 	@$(MAKE) --no-print-directory -j $(JOBS) lint docs # each takes one core
