@@ -165,7 +165,7 @@ def rectangle(a: Span, z: Span) -> tuple[Span, ...]:
 def glass(shape: BusShape, body: Mesh, fine: bool) -> Mesh:
     """Return wind screen, rear window and panes of the sides and doors."""
     many = (9, 15) if fine else (3, 9)
-    rise = 0.008 if fine else 0.035
+    rise = 0.008 if fine else 0.035 if shape.back_rows == 2 else 0.07
     (half, low, high), (back, back_low, back_high), (sill, top) = shape.screen, shape.back, shape.windows
     parts = [
         panel(body, rectangle((-half, half), (low, high)), FRONT, 1.0, rise, cells=many),
