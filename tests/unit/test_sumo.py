@@ -50,6 +50,7 @@ def test_angles_and_types() -> None:
     assert [np.degrees(heading_of_angle(angle)) for angle in (0.0, 90.0, 180.0)] == pytest.approx([90.0, 0.0, -90.0])
     names = ("suv", "DEFAULT_VEHTYPE", "truck_trailer", "city_bus", "veh_bicycle", "pedestrian", "delivery_2")
     assert [model_of_type(name) for name in names] == ["suv", "saloon", "lorry", "bus", "bicycle", "adult_man", "van"]
+    assert [model_of_type(name) for name in ("woman_34", "dog", "wheelchair")] == ["woman_34", "dog", "wheelchair"]
 
 
 @pytest.mark.parametrize("suffix", ["fcd.xml", "fcd.xml.gz"])

@@ -18,6 +18,7 @@ from scarl_sionna.core.seeds import generator
 from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular
 from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, body_of
 from scarl_sionna.scenario.motion.recorded import KNOT_TIME, Record, smooth_record
+from scarl_sionna.scene.actors.model import actor_names
 from scarl_sionna.scene.lanes import LaneNetwork
 
 from ..planned import Conversion, Ground, PlannedActor, draw_variant
@@ -35,28 +36,6 @@ _WORDS = (
     ("child", "child"), ("ped", "adult_man"), ("person", "adult_man"),
     ("woman", "adult_woman"),
 )  # fmt: skip # a table
-MODELS = (
-    "small_car",
-    "saloon",
-    "estate",
-    "suv",
-    "pickup",
-    "van",
-    "box_van",
-    "lorry",
-    "bus",
-    "coach",
-    "tram",
-    "motorcycle",
-    "bicycle",
-    "scooter",
-    "adult_man",
-    "adult_woman",
-    "child",
-    "standing_adult",
-)
-"""Names of the package's actor models."""
-
 Samples = dict[str, list[tuple[float, float, float, float, float]]]
 """By name: time [s], x, y, z [m], angle [deg, clockwise from north]."""
 
@@ -67,7 +46,7 @@ def model_of_type(kind: str, is_person: bool = False) -> str:
     Else a saloon.
     """
     name = kind.lower()
-    if name in MODELS:
+    if name in actor_names():
         return name
     for word, model in _WORDS:
         if word in name:
