@@ -21,6 +21,7 @@ from rich.progress import (
 )
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.scenario.drawn import drawn_text
 from scarl_sionna.scenario.spec.named import SCENARIO_FILES, scenario_of
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
 
@@ -136,6 +137,8 @@ def export(
         single, grid = chosen.divided()
         specs = job.sweep(grid).apply(single.apply(scenario_of(text)) for text in scenarios)
         settings = _settings(job, stored)
+        if text := drawn_text(specs):
+            typer.echo(text)
         if job.dry_run:
             from scarl_sionna.batch.estimate import estimate
             from scarl_sionna.batch.plan import plan_export
@@ -252,6 +255,8 @@ def preview(
         if Path(target).suffix not in SCENARIO_FILES and target not in scenario_names():
             scenario = scenario.with_(duration=8.0)  # a scene's own drive
         scenario = chosen.apply(scenario)
+        if text := drawn_text([scenario]):
+            typer.echo(text)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True)) as progress:
             tasks: dict[str, Any] = {}

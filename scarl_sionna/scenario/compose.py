@@ -6,9 +6,9 @@ Scene, actors and their motions, traffic, weather and light, and the checks that
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Collection
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import scenes_xml
 from scarl_sionna.core.errors import (
@@ -27,6 +27,7 @@ from scarl_sionna.scene.materials.table import MaterialTable, load_materials
 
 from .cast import EGO, Member, cast_of, roles_of
 from .checks.spec import check_collisions, check_gaits, check_places, check_speeds, check_times, first_collision
+from .drawn import drawn
 from .motion.motions import Setting
 from .randomize import draw_materials, draw_reflectances
 from .road_users import traffic_of
@@ -47,6 +48,7 @@ class Composition:
     Attributes
     ----------
     spec : ScenarioSpec
+        With what its seed draws in place of the ranges.
     scene : SceneDocument
         The scene as its files have it.
     document : SceneDocument
@@ -55,6 +57,8 @@ class Composition:
         The ego vehicle and the actors of the scenario, then traffic.
     materials : MaterialTable
         Radio materials.
+    drawn : mapping
+        What the seed drew of variant, hour, day and weather, see :func:`scarl_sionna.scenario.drawn.drawn`.
     """
 
     spec: ScenarioSpec
@@ -62,6 +66,7 @@ class Composition:
     document: SceneDocument
     members: tuple[Member, ...]
     materials: MaterialTable
+    drawn: Mapping[str, Any] = field(default_factory=dict)
 
 
 def compose(spec: ScenarioSpec) -> Composition:
@@ -72,6 +77,7 @@ def compose(spec: ScenarioSpec) -> Composition:
     ScenarioError
         If a name is unknown, a motion is not possible or ends too early, or bodies overlap; it names the line.
     """
+    spec, found = drawn(spec)
     scene = scene_of(spec)
     problems: list[ScenarioError] = []
     roles = roles_of(spec, problems)
@@ -99,7 +105,9 @@ def compose(spec: ScenarioSpec) -> Composition:
     materials = load_materials()
     if spec.randomization.materials:
         materials, document = draw_materials(spec.seed, materials), draw_reflectances(spec.seed, document)
-    return Composition(spec, scene, document, members, materials)
+    if found:
+        document = replace(document, info={**document.info, "drawn": found})
+    return Composition(spec, scene, document, members, materials, found)
 
 
 def build_world(spec: ScenarioSpec) -> World:
@@ -124,6 +132,7 @@ def build_world(spec: ScenarioSpec) -> World:
     from scarl_sionna.engine.world import World
 
     composition = compose(spec)
+    spec = composition.spec
     world = World(composition.document, composition.materials)
     check_places(spec, composition.members, world)
     if spec.lighting is not None:

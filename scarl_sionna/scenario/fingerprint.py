@@ -39,6 +39,8 @@ def fingerprint(composition: Composition) -> dict[str, Any]:
     models = {member.actor.model.path for member in composition.members}
     if models:
         stated["models"] = sorted({f"{path.parent.name} {_checksum_of(path)}" for path in models})
+    if composition.drawn:
+        stated["drawn"] = dict(composition.drawn)
     if spec.randomization != RandomizationSpec():
         stated["randomization"] = plain["randomization"]
         if spec.randomization.materials:

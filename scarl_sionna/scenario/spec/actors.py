@@ -10,6 +10,7 @@ from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Degrees, Metres, Unit
 from scarl_sionna.scene.actors.body_spec import Axis, BodySpec
 
+from .draws import DayDraw, HourDraw, VariantDraw, WeatherDraws
 from .motion import TrajectorySpec
 
 Color = Annotated[tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...], Field(min_length=3, max_length=3)]
@@ -131,6 +132,16 @@ class RandomizationSpec(Spec):
     materials: bool = Field(False, description="radio and lidar values of all materials within their uncertainty")
     placements: JitterSpec | None = Field(None, description="of the ego vehicle and the actors; `true`: the defaults")
     traffic: bool = Field(True, description="whether another seed gives another traffic")
+    variant: VariantDraw = Field(None, description="place: one of so many variants, or of those listed")
+    hour: HourDraw = Field(None, description="true solar time, between two [h]")
+    day_of_year: DayDraw | None = Field(None, description="between two, with `hour`")
+    weather: WeatherDraws = Field(None, description="one of these")
+
+    @model_validator(mode="after")
+    def _check(self) -> RandomizationSpec:
+        if self.day_of_year is not None and self.hour is None:
+            raise ValueError("an `hour` with a `day_of_year`")
+        return self
 
     @model_validator(mode="before")
     @classmethod

@@ -103,6 +103,15 @@ class ScenarioSpec(Spec):
         return self
 
     @model_validator(mode="after")
+    def _draws(self) -> ScenarioSpec:
+        stated = {"variant": self.variant != 0, "weather": self.weather is not None}
+        for name, is_stated in stated.items():
+            if is_stated and getattr(self.randomization, name) is not None:
+                said = f"stands beside `randomization.{name}`, which draws it"
+                raise ScenarioValueError(said, ScenarioPlace(name), "leave one of them out")
+        return self
+
+    @model_validator(mode="after")
     def _names(self) -> ScenarioSpec:
         seen = {"ego"} if self.ego is not None else set()
         for index, actor in enumerate(self.actors):
