@@ -2,11 +2,12 @@
 
     python benchmarks/many_actors.py [--actors 10,50,200] [--details light,detailed] [--frames 6]
     [--scene urban_crossing]
-        [--scene-detail detailed]
+        [--scene-detail detailed] [--traffic]
 
 Actors of all models of ``scenes_xml/actors`` drive, cycle and walk on bends beside a scene; all of them move in every
 frame. `state` is ``world.at(t)`` with the pose of every wheel and limb, `optical` and `radio` write all vertices into a
-twin and make its acceleration structure anew (one ray is cast).
+twin and make its acceleration structure anew (one ray is cast). With ``--traffic`` they are the built-in traffic round
+the scene's ego vehicle (``traffic: {actors: 100}``), near ones at the level of `--scene-detail`, far ones light.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ import scarl_sionna as ss
 from scarl_sionna.core.cores import usable_cores
 from scarl_sionna.scene.actors.model import actor_names
 from scarl_sionna.scene.motion.trajectory import WaypointTrajectory
+from scarl_sionna.simulation import load_world
 
 SPEED = {"vehicle": 10.0, "cycle": 5.0, "walk": 1.3, "stand": 0.0}
 """[m/s]"""
@@ -70,10 +72,20 @@ def crowd(count: int, detail: str) -> list[ss.StagedActor]:
     return actors
 
 
-def measure(scene: str, scene_detail: str, count: int, detail: str, frames: int) -> tuple[ss.World, Clock]:
+def in_traffic(scene: str, scene_detail: str, count: int) -> ss.World:
+    """Return a scene with so many actors of built-in traffic, known for 8 s."""
+    return load_world(ss.ScenarioSpec(scene=scene, detail=scene_detail, duration=8.0, traffic={"actors": count}))
+
+
+def measure(
+    scene: str, scene_detail: str, count: int, detail: str, frames: int, is_traffic: bool = False
+) -> tuple[ss.World, Clock]:
     """Load a scene with actors and step through frames."""
     clock = Clock()
-    world = clock.run("load", lambda: ss.stage(scene, crowd(count, detail), detail=scene_detail))
+    if is_traffic:
+        world = clock.run("load", lambda: in_traffic(scene, scene_detail, count))
+    else:
+        world = clock.run("load", lambda: ss.stage(scene, crowd(count, detail), detail=scene_detail))
     assert isinstance(world, ss.World)
     above = np.array([0.0, 0.0, 50.0])
     for time_of_frame in np.linspace(0.5, 7.5, frames):
@@ -102,6 +114,7 @@ def main() -> None:
     )
     parser.add_argument("--scene", default="urban_crossing")
     parser.add_argument("--frames", type=int, default=6)
+    parser.add_argument("--traffic", action="store_true", help="built-in traffic; --details has no meaning then")
     given = parser.parse_args()
     packages = ", ".join(
         f"{name} {importlib.metadata.version(name)}" for name in ("mitsuba", "drjit", "sionna-rt", "numpy")
@@ -119,9 +132,9 @@ def main() -> None:
         + " frame |"
     )
     print("|" + "---|" * (6 + 2 * len(steps)))
-    for detail in given.details.split(","):
+    for detail in ["traffic"] if given.traffic else given.details.split(","):
         for count in (int(number) for number in given.actors.split(",")):
-            world, clock = measure(given.scene, given.scene_detail, count, detail, given.frames)
+            world, clock = measure(given.scene, given.scene_detail, count, detail, given.frames, given.traffic)
             triangles = sum(len(world.mesh(part).faces) for part in range(len(world.parts.name)))
             cells = [
                 str(count),

@@ -36,6 +36,7 @@ from .spec.actors import TrafficSpec
 from .spec.light import name_error
 from .spec.motion import TableSpec
 from .spec.scenario import ScenarioSpec
+from .traffic.crowd import crowd, is_close
 from .traffic.planned import BETWEEN, DEPTH, Conversion, PlannedActor, PresentTrajectory
 from .traffic.recorded.commonroad import read_commonroad
 from .traffic.recorded.fcd import read_fcd
@@ -82,7 +83,8 @@ def traffic_of(
         present = [actor for actor in planned if actor.active[0] < actor.active[1]]
         if spec.traffic.source in ("built_in", "sumo") and not spec.traffic.open_ends:
             present = _without_gaps(present, _looker(own, document), setting)
-        return tuple(_member(spec, actor, number) for number, actor in enumerate(present))
+        ego = _looker(own, document) if spec.traffic.actors is not None else None
+        return tuple(_member(spec, actor, number, ego, setting) for number, actor in enumerate(present))
     except UnknownNameError as error:
         where = ("sequence",) if error.kind == "sequence" else ("mix", error.name)
         raise name_error(error, spec.place(*PATH_OF_TRAFFIC, *where)) from error
@@ -107,6 +109,8 @@ def _planned(
     traffic, span = traffic.with_(seed=traffic_seed(spec)), (start, setting.last + MARGIN)
     if source == "built_in":
         assert setting.network is not None
+        if traffic.actors is not None:
+            return crowd(setting.network, traffic, span, given, _looker(own, document))
         return simulate_traffic(setting.network, traffic, span, others=given)
     if source == "sumo":
         lanes = setting.network if traffic.file is None else _file(spec, traffic)
@@ -223,7 +227,8 @@ def _apart(
     return [one for one in planned if one.name not in met]
 
 
-def _member(spec: ScenarioSpec, planned: PlannedActor, number: int) -> Member:
+def _member(spec: ScenarioSpec, planned: PlannedActor, number: int, ego: Trajectory | None, setting: Setting) -> Member:
+    """Return one of the traffic; with an ego vehicle, one that stays far from it has the light level of geometry."""
     model = read_actor_model(planned.model)
     variant = planned.variant
     colors: dict[str, Color] = {}
@@ -236,7 +241,7 @@ def _member(spec: ScenarioSpec, planned: PlannedActor, number: int) -> Member:
         planned.name,
         model,
         trajectory,
-        detail=spec.detail,
+        detail=spec.detail if is_close(trajectory, ego, (setting.first, setting.last)) else "light",
         variant=variant,
         colors=colors or None,
         phase=planned.phase,

@@ -91,6 +91,13 @@ class TrafficSpec(Spec):
     density: Annotated[float, Unit("1/km")] = Field(
         10.0, ge=0.0, le=150.0, description="vehicles on a kilometre of lane [1/km]"
     )
+    actors: int | None = Field(
+        None,
+        ge=1,
+        le=1000,
+        description="instead of a density: as many actors in all, for the whole drive, those nearest to the ego "
+        "vehicle; beyond 20 m at the light level of geometry",
+    )
     mix: dict[str, Annotated[float, Field(ge=0.0)]] | None = Field(
         None, description="shares of the models of vehicles; default: that of a town"
     )
@@ -110,6 +117,8 @@ class TrafficSpec(Spec):
             raise ValueError(f"a `file` with source {self.source}")
         if self.file is not None and self.source == "built_in":
             raise ValueError("source sumo, fcd, osi, commonroad, openscenario or nuscenes with a `file`")
+        if self.actors is not None and (self.source != "built_in" or "density" in self.model_fields_set):
+            raise ValueError("source built_in and no `density` with `actors`")
         if self.sequence is not None and self.source != "nuscenes":
             raise ValueError("source nuscenes with a `sequence`")
         if self.mix is not None and not sum(self.mix.values()) > 0.0:
