@@ -30,6 +30,7 @@ from scarl_sionna.scenario.spec.motion import (
     AccelerateSpec,
     BrakeSpec,
     ConstantTwistSpec,
+    ParkSpec,
     RouteSpec,
     ShiftSpec,
     StaticSpec,
@@ -40,7 +41,7 @@ from scarl_sionna.scenario.spec.motion import (
 )
 from scarl_sionna.scenario.traffic.planned import Conversion
 from scarl_sionna.scenario.traffic.recorded.nuscenes import nuscenes_motion
-from scarl_sionna.scene.lanes import Lane, LaneNetwork
+from scarl_sionna.scene.lanes import Lane, LaneNetwork, ParkingPlace
 from scarl_sionna.scene.motion.trajectory import (
     ConstantTwistTrajectory,
     StaticTrajectory,
@@ -50,6 +51,7 @@ from scarl_sionna.scene.motion.trajectory import (
 
 from .bodies import ActorBody
 from .ground import GroundLine
+from .parking import Manoeuvre, park
 from .paths import LateralShift, PathTrajectory, SmoothPath
 from .profiles import SpeedProfile
 from .routes import Route, smoothing_of, timed_trajectory
@@ -146,6 +148,8 @@ def trajectory_of(
             return _constant_twist(spec, setting, moved)
         if isinstance(spec, StaticSpec):
             return _static(spec, setting, place, moved)
+        if isinstance(spec, ParkSpec):
+            return _park(spec, name, body, setting, place)
         return _table(spec, name, body, setting, place)
     except ScenarioError:
         raise
@@ -314,17 +318,7 @@ def _static(spec: StaticSpec, setting: Setting, place: PlaceOf, jitter: Jitter) 
     if spec.position is not None:
         position = setting.ground(spec.position)
     elif spec.parking is not None:
-        places = () if setting.network is None else setting.network.parking
-        if spec.parking >= len(places):
-            has = f"has {len(places)}, from 0 to {len(places) - 1}" if places else "has none"
-            raise ScenarioNameError(
-                f"no parking place {spec.parking}: scene '{setting.scene}' {has}",
-                place("parking"),
-                value=spec.parking,
-                kind="parking place",
-                known=[str(number) for number in range(len(places))],
-            )
-        chosen = places[spec.parking]
+        chosen = _parking_place(spec.parking, setting, place)
         position, yaw = np.array(chosen.position), yaw + float(np.radians(chosen.yaw_deg))
     else:
         lane = setting.lane(str(spec.lane), place("lane"))
@@ -338,6 +332,32 @@ def _static(spec: StaticSpec, setting: Setting, place: PlaceOf, jitter: Jitter) 
     return StaticTrajectory(
         Pose.from_euler(position + _shifted(jitter, yaw), yaw=yaw + float(np.radians(jitter.yaw_deg)))
     )
+
+
+def _parking_place(number: int, setting: Setting, place: PlaceOf) -> ParkingPlace:
+    places = () if setting.network is None else setting.network.parking
+    if number >= len(places):
+        has = f"has {len(places)}, from 0 to {len(places) - 1}" if places else "has none"
+        raise ScenarioNameError(
+            f"no parking place {number}: scene '{setting.scene}' {has}",
+            place("parking"),
+            value=number,
+            kind="parking place",
+            known=[str(one) for one in range(len(places))],
+        )
+    return places[number]
+
+
+def _park(spec: ParkSpec, name: str, body: ActorBody, setting: Setting, place: PlaceOf) -> Trajectory:
+    lane = setting.lane(spec.lane, place("lane"))
+    if spec.parking is not None:
+        chosen = _parking_place(spec.parking, setting, place)
+        where = Pose.from_euler(chosen.position, yaw=float(np.radians(chosen.yaw_deg)))
+    else:
+        assert spec.position is not None
+        where = Pose.from_euler(setting.ground(spec.position), yaw=float(np.radians(spec.yaw_deg)))
+    what = Manoeuvre(spec.way, spec.nose, spec.speed, spec.street_speed, spec.since, spec.approach)
+    return park(where, lane, what, body, setting.last + MARGIN, setting.start, name)
 
 
 def _table(spec: TableSpec, name: str, body: ActorBody, setting: Setting, place: PlaceOf) -> Trajectory:

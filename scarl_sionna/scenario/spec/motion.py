@@ -150,6 +150,30 @@ class StaticSpec(Spec):
         return self
 
 
+class ParkSpec(Spec):
+    """Parking in a place beside a lane, or leaving it, within the steering limit; see docs/traffic.md."""
+
+    kind: Literal["park"] = "park"
+    way: Literal["in", "out"] = Field("in", description="into the place, or out of it")
+    parking: int | None = Field(None, ge=0, description="number of a parking place of the scene, from 0")
+    position: Point | None = Field(None, description="of the middle of the place, instead of a number [m, world]")
+    yaw_deg: Degrees = Field(0.0, description="of the axis of a place that is given by its position [deg]")
+    lane: str = Field(min_length=1, description="from which, or on which, it drives")
+    nose: Literal["out", "in"] = Field(
+        "out", description="of a place across the lane: out, so that it reverses in; in, so that it reverses out"
+    )
+    since: Seconds = Field(0.0, description="when the motion begins; standing before, on its way out [s]")
+    approach: Metres = Field(20.0, gt=2.0, le=200.0, description="on the lane before the manoeuvre [m]")
+    speed: MetresPerSecond = Field(1.5, ge=0.2, le=3.0, description="of the manoeuvre [m/s]")
+    street_speed: MetresPerSecond = Field(5.0, ge=0.5, le=20.0, description="on the lane [m/s]")
+
+    @model_validator(mode="after")
+    def _check(self) -> ParkSpec:
+        if (self.parking is None) == (self.position is None):
+            raise ValueError("one of `parking`, `position`")
+        return self
+
+
 class TableSpec(Spec):
     """The motion that a file holds: CSV or Parquet, SUMO's data, OSI, CommonRoad, OpenSCENARIO, or nuScenes' tables.
 
@@ -163,5 +187,5 @@ class TableSpec(Spec):
 
 
 TrajectorySpec = Annotated[
-    RouteSpec | WaypointsSpec | ConstantTwistSpec | StaticSpec | TableSpec, Field(discriminator="kind")
+    RouteSpec | WaypointsSpec | ConstantTwistSpec | StaticSpec | ParkSpec | TableSpec, Field(discriminator="kind")
 ]
