@@ -21,7 +21,8 @@ from scarl_sionna.scenario.compose import compose
 from scarl_sionna.scenario.motion.bodies import body_of
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scenario.traffic.planned import Conversion
-from scarl_sionna.scenario.traffic.recorded.nuscenes import nuscenes_motion, read_nuscenes
+from scarl_sionna.scenario.traffic.recorded.nuscenes import model_for, nuscenes_motion, read_nuscenes
+from scarl_sionna.scenario.traffic.recorded.nuscenes_tables import Placed, Track
 from scarl_sionna.simulation import load_world, observe
 from tests.nuscenes_tables import Thing, change, write_tables
 
@@ -119,6 +120,13 @@ THINGS = {
     "back": Thing("vehicle.car", (1.8, 4.5, 1.45), lambda time: (-30.0 - 1.0 * time, 10.0, 0.0)),
     "cone": Thing("movable_object.trafficcone", (0.4, 0.4, 0.8), lambda time: (3.0, 3.0, 0.0)),
 }
+
+
+def test_wheelchairs_prams_and_dogs_are_those() -> None:
+    for category, model in (("human.pedestrian.wheelchair", "wheelchair"), ("animal", "dog")):
+        assert model_for(Track("t", category, (1.0, 0.6, 1.4), (), None)) == model
+    low = Track("t", "human.pedestrian.adult", (0.6, 0.6, 1.4), (Placed(0.0, (0.0, 0.0, 0.7), 0.0),), None)
+    assert model_for(low) not in ("wheelchair", "pram", "dog", "sitting_man")
 
 
 def rear(time: float) -> tuple[float, float, float]:

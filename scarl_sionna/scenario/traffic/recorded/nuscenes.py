@@ -34,12 +34,17 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "vehicle.bus": ("Bus",),
 }  # fmt: skip # a table
 """Classes of the actor models that a category may become, by the start of its name; the model nearest in size is taken.
-Others (barriers, cones, debris, animals) are left out."""
+Others (barriers, cones, debris) are left out."""
 SMOOTHING = 0.005
 """Weight of the squared acceleration [s3] beside that of the squared distances of a track's boxes: what varies from one
 keyframe to the next (0.5 s) is taken to a fifth, what takes 3 s to 96 %."""
+NAMED: Mapping[str, str] = {
+    "human.pedestrian.wheelchair": "wheelchair", "human.pedestrian.stroller": "pram", "animal": "dog",
+}  # fmt: skip # a table
+"""Categories that have one actor model; no other category becomes one of these."""
 NOTABLE = 0.3
 """Distance of a smoothed motion from its record that a warning tells of [m]: boxes of parked cars vary by so much."""
+_SITTING = "sitting_man"
 _LEAST_STEP = 0.09
 """Least time between two poses of the ego vehicle that are used [s]: closer ones hold the noise of its localisation."""
 _EXACT = 0.19
@@ -66,12 +71,15 @@ def model_for(track: Track, models: Sequence[ActorModel] | None = None) -> str |
     Sizes are compared by the sum of the absolute logarithms of their ratios; of people almost by height alone, since
     length and width of their boxes depend on step and arms.
     """
+    if track.category in NAMED:
+        return NAMED[track.category]
     key = max((name for name in CLASSES if track.category.startswith(name)), key=len, default=None)
     if key is None:
         return None
     pool = [read_actor_model(name) for name in scenes_xml.actor_names()] if models is None else models
     moves = _extent(track.boxes) > _STANDS
-    fitting = [one for one in pool if one.semantic in CLASSES[key] and not (moves and one.motion == "stand")]
+    fitting = [one for one in pool if one.semantic in CLASSES[key] and one.name not in (*NAMED.values(), _SITTING)]
+    fitting = [one for one in fitting if not (moves and one.motion == "stand")]
 
     def misfit(model: ActorModel) -> float:
         ratios = np.abs(np.log(np.array(track.size) / [model.length, model.width, model.height]))
