@@ -28,7 +28,7 @@ def motion(
     pose = Pose.from_euler(np.zeros(3), yaw=turn)
     place = pose.compose(Pose.from_euler([0.0, y, 0.0], yaw=np.radians(yaw_deg)))
     lane = Lane("east", pose.apply(LANE.points))
-    return park(place, lane, Manoeuvre(way, nose, 1.5, 5.0, 0.0 if way == "in" else 1.0, 20.0), body, STOP)
+    return park(place, lane, Manoeuvre(way, nose, 1.5, 5.0, 0.0 if way == "in" else 1.0, 20.0), body, (0.0, STOP))
 
 
 CASES = [
@@ -125,11 +125,11 @@ def test_what_else_cannot_be_is_refused() -> None:
         motion(-8.5, 90.0, "in", body=body_of("adult_man"))
     place = Pose.from_euler([0.0, -8.5, 0.0], yaw=np.pi / 2.0)
     with pytest.raises(ParameterRangeError, match="approach"):
-        park(place, LANE, Manoeuvre("in", "out", 1.5, 5.0, 0.0, 90.0), SALOON, STOP)
+        park(place, LANE, Manoeuvre("in", "out", 1.5, 5.0, 0.0, 90.0), SALOON, (0.0, STOP))
     turn = np.linspace(-1.0, 1.5, 40)
     bend = Lane("bend", np.column_stack([30.0 * np.sin(turn), 30.0 * (1.0 - np.cos(turn)), 0.0 * turn]))
     with pytest.raises(ParameterRangeError, match="bend of lane 'bend'"):
-        park(place, bend, Manoeuvre("in", "out", 1.5, 5.0, 0.0, 10.0), SALOON, STOP)
+        park(place, bend, Manoeuvre("in", "out", 1.5, 5.0, 0.0, 10.0), SALOON, (0.0, STOP))
 
 
 TEXT = """

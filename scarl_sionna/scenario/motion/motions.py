@@ -357,7 +357,7 @@ def _park(spec: ParkSpec, name: str, body: ActorBody, setting: Setting, place: P
         assert spec.position is not None
         where = Pose.from_euler(setting.ground(spec.position), yaw=float(np.radians(spec.yaw_deg)))
     what = Manoeuvre(spec.way, spec.nose, spec.speed, spec.street_speed, spec.since, spec.approach)
-    return park(where, lane, what, body, setting.last + MARGIN, setting.start, name)
+    return park(where, lane, what, body, (setting.start, setting.last + MARGIN), name)
 
 
 def _table(spec: TableSpec, name: str, body: ActorBody, setting: Setting, place: PlaceOf) -> Trajectory:

@@ -97,7 +97,7 @@ class Manoeuvre:
 
 
 def park(
-    place: Pose, lane: Lane, what: Manoeuvre, body: ActorBody, stop: float, start: float = 0.0, name: str = "actor"
+    place: Pose, lane: Lane, what: Manoeuvre, body: ActorBody, span: tuple[float, float], name: str = "actor"
 ) -> PathTrajectory | JoinedTrajectory:
     """Return the motion of a vehicle that parks in a place beside a lane, or leaves it.
 
@@ -109,8 +109,8 @@ def park(
         From which, or on which, it drives.
     what : Manoeuvre
     body : ActorBody
-    stop, start : float
-        Last and first time at which the motion shall be known [s].
+    span : (float, float)
+        First and last time at which the motion shall be known [s].
     name : str
         For messages.
 
@@ -144,14 +144,14 @@ def park(
     if forwards_in:
         if what.way == "in":
             points = np.concatenate([street.before(what.approach), line[::-1][1:]])
-            return _once(points, what, body, (start, stop), name)
+            return _once(points, what, body, span, name)
         inside = _path(line[::-1], body)
-        back = _manoeuvre(inside, what, body, name, is_reverse=True, since=max(what.since, start))
-        return _then(back, street.after(), what, body, (start, stop), name)
+        back = _back(inside, what, body, name, max(what.since, span[0]))
+        return _then(back, street.after(), what, body, span, name)
     if what.way == "out":
         points = np.concatenate([line, street.after()[1:]])
-        return _leave(points, float(len(line) - 1), what, body, (start, stop), name)
-    return _reverse_in(street.before(what.approach), _path(line, body), what, body, (start, stop), name)
+        return _leave(points, float(len(line) - 1), what, body, span, name)
+    return _reverse_in(street.before(what.approach), _path(line, body), what, body, span, name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,23 +316,21 @@ def _unhurried(way: float, speed: float, wait: float = 0.0) -> SpeedProfile:
                 raise
 
 
-def _manoeuvre(
+def _back(
     path: SmoothPath,
     what: Manoeuvre,
     body: ActorBody,
     name: str,
-    is_reverse: bool,
     since: float,
     stop: float | None = None,
 ) -> PathTrajectory:
-    """Return the drive of a whole path from standing to standing; `stop`: known until then at least [s]."""
+    """Return the drive back over a whole path, from standing to standing; `stop`: known until then at least [s]."""
     profile = _unhurried(path.length, what.speed)
     lasts = profile.duration if stop is None else max(profile.duration, stop - since)
     way = profile.way(lasts, since)
-    if is_reverse:
-        turned = -way.c
-        turned[-1] += path.length
-        way = PPoly(turned, way.x)
+    turned = -way.c
+    turned[-1] += path.length
+    way = PPoly(turned, way.x)
     return PathTrajectory(path, way, body, since, since + lasts, name)
 
 
@@ -379,7 +377,7 @@ def _reverse_in(
     profile = SpeedProfile(what.street_speed).stop_at(path.length, *_STREET).hold(PAUSE)
     turning = what.since + profile.duration
     first = PathTrajectory(path, profile.way(profile.duration, what.since), body, what.since, turning, name)
-    last = _manoeuvre(inside, what, body, name, True, turning, max(span[1], turning))
+    last = _back(inside, what, body, name, turning, max(span[1], turning))
     return JoinedTrajectory((first, last))
 
 
