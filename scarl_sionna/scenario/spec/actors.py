@@ -142,7 +142,7 @@ class RandomizationSpec(Spec):
     placements: JitterSpec | None = Field(None, description="of the ego vehicle and the actors; `true`: the defaults")
     traffic: bool = Field(True, description="whether another seed gives another traffic")
     variant: VariantDraw = Field(None, description="place: one of so many variants, or of those listed")
-    hour: HourDraw = Field(None, description="true solar time, between two [h]")
+    hour: HourDraw = Field(None, description="true solar time, between two hours")
     day_of_year: DayDraw | None = Field(None, description="between two, with `hour`")
     weather: WeatherDraws = Field(None, description="one of these")
 
