@@ -134,6 +134,16 @@ def test_a_place_gets_what_its_kind_of_road_has(worlds):
     assert has(motorway, "guardrail") and has(motorway, "delineator") and not has(motorway, "house", "block", "lamp")
 
 
+def test_building_sites_and_scaffolding_keep_off_lanes_and_pavements(worlds):
+    world, file = worlds("town", 2)
+    assert (
+        has(world, "site_hut") and has(world, "site_fence") and has(world, "barrier_board") and has(world, "scaffold")
+    )
+    points = over_lanes(file, ("driving", "sidewalk"), 4000)
+    names = np.unique(cast_down(world, points, 2.2)[1])
+    assert not [one for one in names if one.startswith((f"{MADE_UP}site", f"{MADE_UP}barrier", f"{MADE_UP}scaffold"))]
+
+
 def test_pavements_are_raised_and_go_down_where_they_end(worlds):
     world, file = worlds("town")
     road = read_map(file).roads["1"]

@@ -48,6 +48,7 @@ MATERIALS: dict[str, Bsdf] = {
     "sign_directions": _sign("sign_directions.png"),
     "sign_bus_stop": _sign("sign_bus_stop.png"),
     "sign_50": _sign("sign_50.png"),
+    "barrier_board": _sign("barrier_board.png"),
     "sign_limit_120": _sign("sign_120.png"),
     "sign_ahead": _sign("sign_ahead.png"),
     "sign_exit_way": _sign("sign_exit_way.png"),
@@ -118,6 +119,13 @@ def bus_flag(size: int = 96) -> Image.Image:
     return image.resize((size, size), Image.Resampling.LANCZOS)
 
 
+def barrier_board(size: int = 64) -> Image.Image:
+    """Return slanting red and white stripes, a tile of 1 m x 0.25 m."""
+    x, y = np.meshgrid(np.arange(4 * size), np.arange(size))
+    is_red = ((x + y) // size) % 2 == 0
+    return Image.fromarray(np.where(is_red[..., None], (190, 25, 30), (245, 245, 240)).astype(np.uint8))
+
+
 IMAGES: dict[str, Callable[[int], Any]] = {
     "facade_white.png": partial(facade, (1.0, 1.0, 1.0)),
     "facade_cream.png": partial(facade, (0.98, 0.90, 0.72)),
@@ -132,6 +140,7 @@ IMAGES: dict[str, Callable[[int], Any]] = {
     ),
     "sign_bus_stop.png": lambda seed: bus_flag(),
     "sign_50.png": lambda seed: limit("50"),
+    "barrier_board.png": lambda seed: barrier_board(),
     "sign_120.png": lambda seed: limit("120"),
     "sign_ahead.png": lambda seed: lettered(256, 150, "A 7\nNorth\nHarbour", (20, 70, 160), (250, 250, 250), 0.85),
     "sign_exit_way.png": lambda seed: lettered(

@@ -16,6 +16,7 @@ from scenes_xml.generators.plants import planting
 from scenes_xml.generators.roadside import garden
 
 from ..model import Array
+from .building_sites import LOT, SITES, add_lot, add_scaffolding
 from .room import rectangle
 from .sides import Side
 from .site import Site, Stand
@@ -68,7 +69,16 @@ def add_houses(site: Site) -> None:
             walls = str(generator.choice(_FACADES if building.kind.startswith("block") else _WALLS))
             fence = _GARDEN[generator.integers(len(_GARDEN))]
             middle = side.at(way + 0.5 * building.width)
-            if way + building.width <= side.length and _add(site, side, middle, building, back, walls):
+            is_scaffolded = back > 2.0 and generator.uniform() < 0.4
+            if (
+                generator.uniform() < SITES
+                and way + LOT[0] <= side.length
+                and add_lot(site, side, side.at(way + 0.5 * LOT[0]))
+            ):
+                way += LOT[0] + 2.0
+            elif way + building.width <= side.length and _add(site, side, middle, building, back, walls):
+                if is_scaffolded and isinstance(building.plan, cityblock.Block):
+                    add_scaffolding(site, side, middle, building.plan, back)
                 if not building.kind.startswith("block"):
                     _add_garden(site, side, middle, 0.5 * (building.width + min(gap, 8.0)), fence)
                 way += building.width + gap
