@@ -23,6 +23,7 @@ from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scenario.traffic.planned import Conversion
 from scarl_sionna.scenario.traffic.recorded.nuscenes import model_for, nuscenes_motion, read_nuscenes
 from scarl_sionna.scenario.traffic.recorded.nuscenes_tables import Placed, Track
+from scarl_sionna.scene.actors.model import read_actor_model
 from scarl_sionna.simulation import load_world, observe
 from tests.nuscenes_tables import Thing, change, write_tables
 
@@ -140,11 +141,16 @@ def tables(tmp_path: Path) -> Path:
 
 def test_boxes_at_2_hz_become_smooth_traffic(tables: Path) -> None:
     with pytest.warns(ScarlWarning, match="1 objects have no actor model.*trafficcone"):
-        actors = {one.name: one for one in read_nuscenes(tables, "scene-0061", span=(0.0, 8.0))}
-    kinds = {name: one.model for name, one in actors.items()}
-    assert set(kinds) == {"car_0", "rigid_1", "car_2", "adult_3", "child_4", "truck_5", "car_6"}
-    assert kinds["rigid_1"] == "bus" and kinds["truck_5"] == "lorry" and kinds["car_0"] == "suv"
-    assert body_of(kinds["child_4"]).height < 1.4 < body_of(kinds["adult_3"]).height
+        chosen = {one.name: one.model for one in read_nuscenes(tables, "scene-0061", span=(0.0, 8.0))}
+    assert set(chosen) == {"car_0", "rigid_1", "car_2", "adult_3", "child_4", "truck_5", "car_6"}
+    classes = {name: read_actor_model(model).semantic for name, model in chosen.items()}
+    assert (classes["car_0"], classes["rigid_1"], classes["truck_5"]) == ("Car", "Bus", "Truck")
+    for label, name in zip(THINGS, chosen, strict=False):
+        assert body_of(chosen[name]).height == pytest.approx(THINGS[label].size[2], rel=0.2), name
+    types = {"vehicle.car": "saloon", "vehicle.bus.rigid": "bus", "vehicle.truck": "lorry"}  # those of the levers above
+    with pytest.warns(ScarlWarning, match="trafficcone"):
+        found = read_nuscenes(tables, "scene-0061", span=(0.0, 8.0), conversion=Conversion(types=types))
+    actors = {one.name: one for one in found}
     for label, name in zip(THINGS, actors, strict=False):
         actor = actors[name]
         for time in np.arange(*np.clip(actor.active, 0.0, 8.0), 0.05):
