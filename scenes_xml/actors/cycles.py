@@ -66,7 +66,7 @@ def _model(
     bsdfs = {key: tinted(bsdf, first.get(key)) for key, bsdf in (VEHICLE | BODY).items()}
     detailed, light = (
         {
-            name: Part(mesh, ROLES.get(role, role), 40.0 if role in ROLES else CREASE)
+            name: Part(mesh, ROLES.get(role, role), 40.0 if role in ROLES and role not in ("skin", "hair") else CREASE)
             for name, (mesh, role) in levels(is_light).items()
         }
         for is_light in (False, True)
