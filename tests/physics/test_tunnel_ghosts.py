@@ -1,4 +1,4 @@
-"""`lorry_in_a_tunnel` shows ghosts: at draft those of what hangs on the walls, at full quality the vehicles' as well."""
+"""`lorry_in_a_tunnel` shows ghosts: in draft of what hangs on the walls, at full quality of the vehicles as well."""
 
 from __future__ import annotations
 
