@@ -193,9 +193,11 @@ def test_weather_has_the_name_of_its_preset_or_its_rates() -> None:
         return {"weather": {key: value for key, value in weather.model_dump(mode="json").items() if value is not None}}
 
     assert weather_name({}) == "clear"
-    for name in ("rain", "dense_fog", "snow"):
+    for name in ("rain", "dense_fog", "snow", "winter"):
         assert weather_name(stored(Weather.preset(name))) == name
     assert weather_name(stored(Weather(rain_rate=3.0, visibility=400.0))) == "rain 3 mm/h, fog 400 m"
+    snowy = Weather(rain_rate=1.0, temperature_celsius=1.0, lying_snow="everywhere")
+    assert weather_name(stored(snowy)) == "rain 1 mm/h, lying snow"
     assert weather_name({"weather": {"hail": 3}}) == "unknown"
 
 

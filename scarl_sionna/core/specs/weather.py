@@ -286,5 +286,6 @@ WEATHER_PRESETS: Mapping[str, Mapping[str, Any]] = {
     "fog": {"visibility": 200.0, "temperature_celsius": 5.0, "gases": True},
     "dense_fog": {"visibility": 50.0, "temperature_celsius": 5.0, "gases": True},
     "snow": {"snow_rate": 2.0, "temperature_celsius": -3.0, "gases": True},
+    "winter": {"lying_snow": "beside_roads", "temperature_celsius": -3.0, "gases": True},
 }
 """Weathers by name. Rates: drizzle below 1 to 2 mm/h, heavy above 10, violent above 50 mm/h (WMO-No. 8, in showers)."""

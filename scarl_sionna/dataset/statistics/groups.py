@@ -58,4 +58,6 @@ def weather_name(configuration: Mapping[str, Any]) -> str:
         parts.append(f"snow {weather.snow_rate:g} mm/h")
     if weather.fog_visibility is not None:
         parts.append(f"fog {weather.fog_visibility:g} m")
+    if weather.lying_snow != "none":
+        parts.append("lying snow")
     return ", ".join(parts) or "clear"
