@@ -63,16 +63,12 @@ def pixel_table(spec: CameraSpec) -> tuple[npt.NDArray[np.float64], npt.NDArray[
     return _table_of(projection_key(spec))
 
 
-def ray_table(spec: CameraSpec, world_from_sensor: Pose) -> RayTable:
-    """Return the rays of a camera at a pose."""
-    directions, seen = pixel_table(spec)
-    return RayTable(world_from_sensor.position, world_from_sensor.rotate(directions), seen)
-
-
 def ray_sensor(mi: ModuleType, spec: CameraSpec, world_from_sensor: Pose, samples_per_pixel: int) -> MitsubaObject:
     """Return the Mitsuba sensor of a camera at a pose; inside ``variant.optical()``.
 
     With a number of samples of `LAUNCHES` the sum over the samples of a pixel does not depend on the threads: same
     seed, same bytes.
     """
-    return ray_table_sensor(mi, ray_table(spec, world_from_sensor), samples_per_pixel)
+    directions, seen = pixel_table(spec)
+    table = RayTable(world_from_sensor.position, world_from_sensor.rotate(directions), seen)
+    return ray_table_sensor(mi, table, samples_per_pixel)

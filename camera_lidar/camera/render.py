@@ -15,7 +15,6 @@ from scarl_sionna.engine import variant
 from scarl_sionna.engine.light.glow import glow_integrator
 from scarl_sionna.engine.light.haze import Haze, haze_integrator
 from scarl_sionna.engine.light.many_lamps import lamp_table, many_lamps_integrator
-from scarl_sionna.engine.light.recorded import Recordings, may_record, recording, rendered
 from scarl_sionna.engine.light.retroreflectors import Retroreflectors
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import MitsubaObject
@@ -25,7 +24,7 @@ from .denoise import denoise
 from .develop import develop
 from .energy import keep_energy
 from .falling import add_falling
-from .ray_sensor import launch_samples, ray_sensor, ray_table
+from .ray_sensor import launch_samples, ray_sensor
 from .shining import lamp_light
 from .shutter import Band, bands, exposure_moments
 
@@ -163,9 +162,7 @@ def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
             back = Retroreflectors.of(state.world.parts)
             integrator = many_lamps_integrator(mi, scene, view.spec.max_depth, ROULETTE_DEPTH, back)
         integrator = integrator or mi.load_dict(integrator_dict(view.spec))
-        kept = None if has_lamps(state) else _recordings(mi, state)
-        inner = integrator if haze is None else haze_integrator(mi, integrator, haze)
-        traced = _launched(mi, scene, inner, view, 3, kept)
+        traced = _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
         if haze is not None and glows(state):
             lamps = lamp_table(mi, scene)
             if lamps is not None:
@@ -199,28 +196,16 @@ def _shining(state: WorldState, view: _View, share: float) -> tuple[npt.NDArray[
 
 
 def _launched(
-    mi: ModuleType,
-    scene: MitsubaObject,
-    integrator: MitsubaObject,
-    view: _View,
-    channels: int,
-    recordings: Recordings | None = None,
+    mi: ModuleType, scene: MitsubaObject, integrator: MitsubaObject, view: _View, channels: int
 ) -> npt.NDArray[np.float64]:
-    """Return the mean of the last `channels` over several launches, recorded in the scene's recordings if given."""
+    """Return the mean of the last `channels` over several launches."""
     spec, seed = view.spec, view.seed
     total = np.zeros((spec.height, spec.width, channels), dtype=np.float64)
     for launch, count in enumerate(launch_samples(view.samples, MOST_RAYS // (spec.width * spec.height))):
+        sensor = ray_sensor(mi, spec, view.pose, count)
         number = (seed + 104729 * launch) % 2**32
-        if recordings is None:
-            sensor = ray_sensor(mi, spec, view.pose, count)
-            with many_threads():
-                image = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=number, spp=count))
-        else:
-            kind = integrator.class_name(), spec.width, spec.height, spec.max_depth, count
-            if kind not in recordings:
-                recordings[kind] = recording(mi, ray_sensor(mi, spec, view.pose, count), integrator, count)
-            with many_threads():
-                image = rendered(mi, scene, recordings[kind], ray_table(spec, view.pose), number)
+        with many_threads():
+            image = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=number, spp=count))
         total += count / view.samples * image.astype(np.float64)[..., -channels:]
     return total
 
@@ -230,13 +215,7 @@ def _guides(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     scene = state.optical_scene()
     with variant.optical() as mi:
         integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
-        return _launched(mi, scene, integrator, view, 6, _recordings(mi, state))
-
-
-def _recordings(mi: ModuleType, state: WorldState) -> Recordings | None:
-    """Return the recordings of the state's scene; None if its images may not be recorded."""
-    twin = state.world.twin("optical")
-    return twin.recordings if may_record(mi, twin.mi_scene) else None
+        return _launched(mi, scene, integrator, view, 6)
 
 
 def render_rgb(

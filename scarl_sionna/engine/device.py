@@ -49,11 +49,11 @@ class Device:
 
     def reals(self, values: npt.ArrayLike) -> DeviceArray:
         """Return an array of any shape on the device, row after row."""
-        return self.Real(aligned(np.ascontiguousarray(values, dtype=np.float64).ravel()))
+        return self.Real(_aligned(np.ascontiguousarray(values, dtype=np.float64).ravel()))
 
     def single(self, values: npt.ArrayLike) -> DeviceArray:
         """Return an array of any shape on the device, row after row, rounded to float32."""
-        return self.mi.Float(aligned(np.ascontiguousarray(values, dtype=np.float32).ravel()))
+        return self.mi.Float(_aligned(np.ascontiguousarray(values, dtype=np.float32).ravel()))
 
     def vectors(self, values: npt.ArrayLike) -> DeviceArray:
         """Return vectors (n, 3) on the device."""
@@ -86,14 +86,14 @@ class Device:
 
     def index(self, values: npt.NDArray[np.integer]) -> DeviceArray:
         """Return numbers >= 0 of any shape on the device, row after row."""
-        return self.mi.UInt32(aligned(np.ascontiguousarray(values, dtype=np.uint32).ravel()))
+        return self.mi.UInt32(_aligned(np.ascontiguousarray(values, dtype=np.uint32).ravel()))
 
     def label(self, values: npt.NDArray[np.integer]) -> DeviceArray:
         """Return numbers of any shape and sign on the device, row after row."""
-        return self.mi.Int32(aligned(np.ascontiguousarray(values, dtype=np.int32).ravel()))
+        return self.mi.Int32(_aligned(np.ascontiguousarray(values, dtype=np.int32).ravel()))
 
 
-def aligned(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _aligned(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return a flat array at a multiple of `ALIGNMENT`, a copy where it is at none.
 
     Dr.Jit reads NumPy's memory in place, and a kernel for LLVM states how each input is aligned: arrays wherever NumPy

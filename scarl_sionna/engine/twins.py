@@ -27,10 +27,9 @@ from scarl_sionna.scene.document.model import SceneDocument, twin_xml
 from scarl_sionna.scene.materials.table import MaterialTable
 
 from . import variant
-from .device import Device, aligned
+from .device import Device
 from .light.lamps import Lamps, Moment, lamp_elements
 from .light.look import airlight, sky_elements, wet_bsdfs
-from .light.recorded import Recordings
 from .threads import many_threads
 from .types import MitsubaObject
 
@@ -107,8 +106,6 @@ class Twin:
         self._pose_of: dict[str, Pose] = {}
         self._velocity_of: dict[str, tuple[float, ...]] = {}
         self._local_normals: dict[str, Array] = {}
-        self.recordings: Recordings = {}  # of images of this scene
-        self._memory: dict[str, npt.NDArray[np.float32]] = {}
         self._lamps: Lamps | None = None
         if kind == "optical" and lighting is not None:
             with variant.use(kind):
@@ -182,7 +179,8 @@ class Twin:
                 if own is None and _is_same(self._pose_of.get(name), pose):
                     continue
                 self._pose_of[name] = pose
-                self._write(mi, f"{name}.vertex_positions", pose.apply((own or meshes[name]).vertices))
+                world = pose.apply((own or meshes[name]).vertices).astype(np.float32)
+                self._params[f"{name}.vertex_positions"] = mi.Float(world.ravel())
                 self._rotate_normals(mi, name, pose, own)
                 if self._lamps is not None and name in self._lamps.shapes:
                     self._lamps.move(self._params, name, pose)
@@ -208,18 +206,7 @@ class Twin:
         local = self._local_normals[name]
         if local.size:
             local = local if bent is None else vertex_normals(bent.vertices, bent.faces)
-            self._write(mi, key, pose.rotate(local))
-
-    def _write(self, mi: ModuleType, key: str, rows: Array) -> None:
-        """Give a parameter other values, in the memory that it has: recorded kernels know it by its address."""
-        values = np.asarray(rows, dtype=np.float32).ravel()
-        memory = self._memory.get(key)
-        if memory is None or memory.size != values.size:
-            self._memory[key] = memory = aligned(values)
-            self.recordings.clear()
-        else:
-            memory[:] = values
-        self._params[key] = mi.Float(memory)
+            self._params[key] = mi.Float(pose.rotate(local).astype(np.float32).ravel())
 
     def part_of_number(self, number: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Return the part of each of the engine's shape numbers, -1 for none."""
