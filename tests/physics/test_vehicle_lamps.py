@@ -14,6 +14,8 @@ from scarl_sionna.engine.light.sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
 from scarl_sionna.scene.motion.signalling import BRAKING, indicated, is_braking, is_flash, is_parked
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, StaticTrajectory, WaypointTrajectory
 
+pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+
 TIMES = np.linspace(0.0, 12.0, 241)
 STEADY = ConstantTwistTrajectory(Pose(), Twist([10.0, 0.0, 0.0]), 0.0, 12.0)
 

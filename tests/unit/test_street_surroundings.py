@@ -18,6 +18,8 @@ from scarl_sionna.scene.streets.opendrive.street import read_map
 from scenes_xml.generators.plants import species
 from tests import street_maps as maps
 
+pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+
 MADE_UP = "beside_"
 WALK = maps.lane(2, 2.5, "sidewalk", "none"), maps.lane(-2, 2.5, "sidewalk", "none")
 LORRY = 4.3

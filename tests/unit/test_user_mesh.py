@@ -22,6 +22,8 @@ from scarl_sionna.scene.actors.mesh_checks import open_edges
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 from tests.scenes import Thing, plane, write_scene
 
+pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):

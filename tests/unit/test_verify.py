@@ -201,6 +201,7 @@ def test_what_bounces_both_ways_is_as_strong_either_way_and_a_lack_of_one_is_a_d
         assert found[number] == pytest.approx(20 * np.log10(1 + 10 ** ((field - echo) / 20)), rel=0.05)
 
 
+@pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
 def test_a_ball_seen_in_a_sign_is_found_by_its_reverse_and_computed_finer(tmp_path) -> None:
     """Both coarse levels cut the ball's faces too coarsely behind the sign: 5 dB that no second look of theirs sees."""
     things = [
