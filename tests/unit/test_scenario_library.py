@@ -30,6 +30,7 @@ class Run:
         self.spec = ScenarioSpec.preset(name)
         self.composition = compose(self.spec)
         self.motions = {m.actor.name: m.actor.trajectory for m in self.composition.members}
+        self.models = {m.actor.name: m.actor.model for m in self.composition.members}
         self.bodies = {m.actor.name: m.body for m in self.composition.members}
         self.times = np.array(self.spec.times)
 
@@ -138,7 +139,7 @@ def gives_way(run: Run) -> None:
 def traffic(run: Run) -> None:
     vehicles = [name for name in run.motions if name.startswith("traffic_")]
     assert len(vehicles) > 8
-    assert any("adult" in name for name in vehicles)
+    assert "walk" in {run.models[name].motion for name in vehicles}
 
 
 def tunnel(run: Run) -> None:

@@ -67,15 +67,15 @@ BEAM_FOV_DEG = 100.0
 _BEAM_SIZE = (256, 768)
 
 
-def is_on(lamp: str | None, lighting: Lighting | None, enclosed: bool = False) -> bool:
-    """Return whether a kind of lamp is switched on; vehicles that drive in tunnels and garages have theirs on."""
+def is_on(lamp: str | None, lighting: Lighting | None, in_tunnel: bool = False) -> bool:
+    """Return whether a kind of lamp is switched on; vehicles that drive in tunnels have theirs on."""
     if lamp is None or lighting is None:
         return False
     if lamp in ALWAYS_ON:
         return True
     if lamp == "indicator":
         return False
-    return lighting.street_lamps if lamp == "street_lamp" else lighting.headlamps or enclosed
+    return lighting.street_lamps if lamp == "street_lamp" else lighting.headlamps or in_tunnel
 
 
 def low_beam(azimuth_deg: Array, elevation_deg: Array) -> Array:
@@ -138,7 +138,7 @@ def lamp_elements(
         lamp = document.materials[bsdf].lamp
         if lamp is None or shape in parked:
             continue
-        lit = is_on(lamp, lighting, _is_enclosed(document))
+        lit = is_on(lamp, lighting, _is_tunnel(document))
         if not (lit or shape in signalling_shapes):
             continue
         weight = _WEIGHTS.get(lamp, _SIGNAL_WEIGHT) if lit else 0.0  # is seen, and lights nothing of note
@@ -189,8 +189,18 @@ def lenses(document: SceneDocument) -> dict[str, Lens]:
     return found
 
 
-def _is_enclosed(document: SceneDocument) -> bool:
-    return bool(document.info.get("enclosed", False))
+def _is_tunnel(document: SceneDocument) -> bool:
+    return bool(document.info.get("enclosed", False)) and not _is_car_park(document)
+
+
+def _is_car_park(document: SceneDocument) -> bool:
+    """Return whether a scene is enclosed and has parking bays.
+
+    Its lamps are dim and its surfaces near, so the few light paths that meet a lamp of a vehicle would be specks of its
+    colour all over the picture: brake lamps and indicators stay off, head and tail lamps follow the lighting.
+    """
+    has_bays = document.lanes is not None and len(document.lanes.parking) > 0
+    return bool(document.info.get("enclosed", False)) and has_bays
 
 
 def parked_shapes(document: SceneDocument) -> frozenset[str]:
@@ -220,12 +230,12 @@ class VehicleLamp(NamedTuple):
 
 
 def signals_of_vehicles(document: SceneDocument, lighting: Lighting | None) -> dict[str, VehicleLamp]:
-    """Return the lamps of vehicles that ever brake or indicate, by shape id.
+    """Return the lamps of vehicles that ever brake or indicate, by shape id; none in a car park.
 
     Indicators are shapes whose id ends in ``_left`` or ``_right``.
     """
     found: dict[str, VehicleLamp] = {}
-    for entry in document.instances if lighting is not None else ():
+    for entry in document.instances if lighting is not None and not _is_car_park(document) else ():
         kinds = {shape: document.materials[document.bsdf_of_shape[shape]].lamp for shape in entry.shapes}
         told = {shape: lamp for shape, lamp in kinds.items() if lamp in ("taillamp", "indicator")}
         if (
@@ -269,7 +279,7 @@ class Lamps:
         parked = parked_shapes(document)
         for shape, bsdf in document.bsdf_of_shape.items():
             lamp = document.materials[bsdf].lamp
-            shines = is_on(lamp, lighting, _is_enclosed(document))
+            shines = is_on(lamp, lighting, _is_tunnel(document))
             if lamp is None or shape in parked or not (shines or shape in self._told):
                 continue
             vertices, faces = meshes[shape].vertices, meshes[shape].faces
