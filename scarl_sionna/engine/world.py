@@ -39,7 +39,7 @@ from .instances import Shapes, check_bodies, describe_instance
 from .light.lamps import Moment
 from .rays.bent_faces import BentFaces, bent_faces
 from .rays.cast import Target, cast_rays
-from .rays.enclosure import is_enclosed, is_left_behind
+from .rays.enclosure import hits_above, is_enclosed, is_left_behind
 from .rays.footing import Footing
 from .rays.geometry import Triangles, upright_box
 from .snow_cover import SKY, snow_covered
@@ -178,7 +178,7 @@ class World(Described):
     def _sheltered(self, places: Array) -> int:
         """Return how many of places (n, 3) [m] have something above them."""
         state = self.at(float(np.clip(0.0, *self.time_range)))
-        return len(np.unique(state.cast(places, np.broadcast_to([0.0, 0.0, 1.0], places.shape), max_distance=SKY).ray))
+        return len(np.unique(hits_above(state.cast, places, SKY).ray))
 
     def with_actors(self, actors: Sequence[StagedActor], ego: str | None = None) -> World:
         """Return a world of its own in which this one's scene has more actors; see :func:`scarl_sionna.stage`."""
@@ -236,7 +236,7 @@ class World(Described):
     @property
     def is_indoors(self) -> bool:
         """Whether the scene is a tunnel or a car park (``enclosed = true`` in scene.toml)."""
-        return bool(self.document.info.get("enclosed", False))
+        return self.document.is_enclosed
 
     @property
     def time_range(self) -> tuple[float, float]:

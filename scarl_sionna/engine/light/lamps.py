@@ -190,7 +190,7 @@ def lenses(document: SceneDocument) -> dict[str, Lens]:
 
 
 def _is_tunnel(document: SceneDocument) -> bool:
-    return bool(document.info.get("enclosed", False)) and not _is_car_park(document)
+    return document.is_enclosed and not _is_car_park(document)
 
 
 def _is_car_park(document: SceneDocument) -> bool:
@@ -199,8 +199,7 @@ def _is_car_park(document: SceneDocument) -> bool:
     Its lamps are dim and its surfaces near, so the few light paths that meet a lamp of a vehicle would be specks of its
     colour all over the picture: brake lamps and indicators stay off, head and tail lamps follow the lighting.
     """
-    has_bays = document.lanes is not None and len(document.lanes.parking) > 0
-    return bool(document.info.get("enclosed", False)) and has_bays
+    return document.is_enclosed and document.lanes is not None and len(document.lanes.parking) > 0
 
 
 def parked_shapes(document: SceneDocument) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""Whether a point stands inside an instance, or on a moving one, where a sensor is most likely meant to ride on it."""
+"""What is around a point: whether it is inside an instance, on a moving one (a sensor is to ride on it), below one."""
 
 from __future__ import annotations
 
@@ -56,3 +56,12 @@ def is_left_behind(pose: Pose, box: ObjectState) -> bool:
     """Return whether a sensor at rest at a pose [world] is in or near (`CARRIED_WITHIN`) an object that moves."""
     offset = np.abs(box.world_from_box.inverse().apply(pose.position)) - box.size / 2.0
     return float(np.linalg.norm(box.twist.linear)) > SLOWEST and float(offset.max()) <= CARRIED_WITHIN
+
+
+def hits_above(cast: Callable[..., RayHits], points: npt.ArrayLike, reach: float) -> RayHits:
+    """Return what is first straight above places, shape (num_points, 3) [m, world], up to `reach` [m] higher.
+
+    `cast` is :meth:`scarl_sionna.WorldState.cast`.
+    """
+    place = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    return cast(place, np.broadcast_to([0.0, 0.0, 1.0], place.shape), max_distance=reach)

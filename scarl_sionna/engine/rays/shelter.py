@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from scarl_sionna.core.semantics import semantic_id
 
+from .enclosure import hits_above
+
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
@@ -30,10 +32,9 @@ def is_sheltered(state: WorldState, points: npt.ArrayLike) -> npt.NDArray[np.boo
     points : array_like of float, shape (num_points, 3)
         [m, world].
     """
-    place = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    out = np.zeros(len(place), dtype=np.bool_)
-    if len(place):
-        hits = state.cast(place, np.broadcast_to([0.0, 0.0, 1.0], place.shape), max_distance=HIGHEST)
+    out = np.zeros(np.asarray(points).size // 3, dtype=np.bool_)
+    if len(out):
+        hits = hits_above(state.cast, points, HIGHEST)
         out[hits.ray] = state.world.parts.semantic[hits.part] != semantic_id("Vegetation")
     return out
 

@@ -79,6 +79,11 @@ class SceneDocument(Described):
     lanes: LaneNetwork | None = None
     files: tuple[Path, ...] = ()
 
+    @property
+    def is_enclosed(self) -> bool:
+        """Whether it is a tunnel or a car park (``enclosed = true`` in scene.toml)."""
+        return bool(self.info.get("enclosed", False))
+
     def _facts(self) -> Iterable[Row]:
         yield "instances", f"{len(self.instances)}: {listed(entry.name for entry in self.instances)}"
         yield "materials", f"{len(self.materials)}: {listed(self.materials)}"
