@@ -12,6 +12,7 @@ import numpy as np
 from ..generators import kit
 from ..generators.kit import Writer
 from ..generators.scene_toml import ActorEntry, Instance, scene_toml
+from ..generators.surfaces.images import save
 from ..generators.surfaces.palette import PALETTE
 from ..generators.vehicles.cars import detailed as car
 from ..generators.vehicles.cars.shapes import CARS, ROLES
@@ -65,7 +66,6 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     """Write the whole scene into `folder`; it comes in one variant and one level of geometry."""
     kit.only_one(NAME, variant, detail)
     writer = Writer(folder)
-    images.write(folder / "textures", SEED)
     instances = list(GROUND)
     static.add_road(writer.add)
     static.add_guardrail(writer.add)
@@ -75,6 +75,8 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     actors = _add_actors(writer)
     used = {p.bsdf for p in writer.placements}
     bsdfs = {name: bsdf for name, bsdf in PALETTE.items() if name in used}
+    for file in {name for b in bsdfs.values() for name in (b.texture, b.puddles) if name}:
+        save(folder / "textures" / file, images.IMAGES[file](SEED))
     comment = f"{NAME}: written by scenes_xml/{NAME}/build.py; do not edit"
     (folder / f"{NAME}.xml").write_text(scene_xml(comment, kit.head(), bsdfs, writer.placements), encoding="utf-8")
     (folder / "scene.toml").write_text(scene_toml(TABLE, bsdfs, instances, actors, lanes=lanes()), encoding="utf-8")

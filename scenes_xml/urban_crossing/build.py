@@ -17,6 +17,7 @@ from ..generators.people import pedestrian
 from ..generators.plants import vegetation
 from ..generators.roadside import furniture
 from ..generators.scene_toml import ActorEntry, Instance, scene_toml
+from ..generators.surfaces.images import save
 from ..generators.surfaces.palette import PALETTE
 from ..generators.vehicles.cars import detailed as car
 from ..generators.vehicles.cars.measures import WHEELS, wheel_centre
@@ -61,8 +62,8 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     actors = [*_cars(writer), *_walkers(writer)]
     used = {placement.bsdf for placement in writer.placements}
     bsdfs = {name: bsdf for name, bsdf in PALETTE.items() if name in used}
-    textures = {name for b in bsdfs.values() for name in (b.texture, b.puddles) if name}
-    images.write(folder / "textures", at.SEED, textures)
+    for file in {name for b in bsdfs.values() for name in (b.texture, b.puddles) if name}:
+        save(folder / "textures" / file, images.IMAGES[file](at.SEED))
     comment = f"{NAME}: written by scenes_xml/{NAME}/build.py; do not edit"
     (folder / f"{NAME}.xml").write_text(scene_xml(comment, kit.head(), bsdfs, writer.placements), encoding="utf-8")
     (folder / "scene.toml").write_text(scene_toml(TABLE, bsdfs, instances, actors, lanes=at.lanes()), encoding="utf-8")

@@ -24,6 +24,15 @@ def periodic_noise(size: int, seed: int, exponent: float, low: float = 1.0, high
     return (shaped - shaped.mean()) / shaped.std()
 
 
+def resized(image: Array, size: int) -> Array:
+    """Return a square tile in fewer pixels, (size, size[, 3]): all that they can hold of it, and tileable again."""
+    half, scale = size // 2, (size / len(image)) ** 2
+    spectrum = np.fft.rfft2(image, axes=(0, 1))
+    kept = np.concatenate([spectrum[:half], spectrum[-half:]])[:, : half + 1]
+    kept[half] = kept[:, half] = 0.0  # the highest frequency has no phase
+    return scale * np.fft.irfft2(kept, s=(size, size), axes=(0, 1))
+
+
 def save(path: Path, srgb: Array, levels: int = 256) -> None:
     """Write an image, shape (h, w) or (h, w, 3), sRGB values 0 to 1, rounded to `levels` steps (small files)."""
     steps = np.round(np.clip(srgb, 0, 1) * (levels - 1)) / (levels - 1)
