@@ -1,6 +1,7 @@
 """Figure of a traffic run: plan view and time-space diagram, and the cost of planning against the number of actors.
 
-``python benchmarks/traffic.py [--output docs/figures/traffic.png]``
+``python benchmarks/traffic.py [--output docs/figures/traffic.png]``; with ``--speeds``: mean speed over time in all
+places.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from scarl_sionna.scenario.motion.paths import sample_motion
 from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scenario.traffic.planned import PlannedActor
 from scarl_sionna.scenario.traffic.simulated import simulate_traffic
-from scarl_sionna.scene.document.find import find_scene
+from scarl_sionna.scene.document.find import find_scene, scene_names
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
@@ -101,12 +102,34 @@ def costs() -> list[tuple[int, float]]:
     return rows
 
 
+def speeds(place: str, density: float, num_seeds: int = 6) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean speed [m/s] and number of the vehicles on the lanes, in each 10 s of a minute, over some seeds."""
+    network = read_document(find_scene(place)).lanes
+    assert network is not None
+    times = np.arange(0.0, 60.0)
+    total, count = np.zeros(60), np.zeros(60)
+    for seed in range(num_seeds):
+        for actor in simulate_traffic(network, TrafficSpec(density=density, seed=seed), (0.0, 60.0)):
+            there = (times >= actor.active[0]) & (times <= actor.active[1])
+            total += there * np.linalg.norm(sample_motion(actor.trajectory, times).velocity[:, :2], axis=1)
+            count += there
+    number = count.reshape(6, 10).sum(1)
+    return total.reshape(6, 10).sum(1) / number, number / (10.0 * num_seeds)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scene", default="signalised_crossing")
     parser.add_argument("--lane", default="west_in_0")
     parser.add_argument("--output", type=Path, default=Path("docs/figures/traffic.png"))
+    parser.add_argument("--speeds", action="store_true")
+    parser.add_argument("--density", type=float, default=6.0, help="vehicles on a kilometre, with --speeds")
     arguments = parser.parse_args()
+    if arguments.speeds:
+        for place in scene_names():
+            mean, number = speeds(place, arguments.density)
+            print(f"{place}: {np.round(mean, 1).tolist()} m/s, {np.round(number, 1).tolist()} vehicles", flush=True)
+        return
     network = read_document(find_scene(arguments.scene)).lanes
     assert network is not None
     begin = time.process_time()

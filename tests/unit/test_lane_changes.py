@@ -91,12 +91,25 @@ def test_the_fast_overtake_the_slow() -> None:
     for beside in (True, False):
         network = road(beside, 2)
         slow = Route(network, ["lane_0"]).trajectory(150.0, 12.0, model=ActorBody(), duration=SPAN[1])
-        spec = TrafficSpec(density=8.0, seed=2, mix={"saloon": 1.0})
+        spec = TrafficSpec(density=8.0, seed=5, mix={"saloon": 1.0})
         actors = simulate_traffic(network, spec, SPAN, models=BODIES, others=[(slow, ActorBody())])
         first, last = (np.array([one.trajectory.pose(when).position for one in actors]) for when in SPAN)
         behind = (first[:, 0] < 140.0) & (np.abs(first[:, 1]) < 1.0)
         passed[beside] = int((behind & (last[:, 0] > slow.pose(SPAN[1]).position[0])).sum())
     assert passed[True] >= 2 and passed[False] == 0
+
+
+def test_they_begin_at_the_speed_that_they_settle_to() -> None:
+    """Mean over three seeds of the speeds on the road, at first and from 10 to 30 s."""
+    times = np.array([*np.arange(0.0, 3.0, 0.5), *np.arange(10.0, 30.0, 1.0)])
+    rows = []
+    for seed in range(3):
+        spec = TrafficSpec(density=6.0, seed=seed, mix={"saloon": 0.7, "lorry": 0.3})
+        for actor in simulate_traffic(road(), spec, SPAN, models=BODIES):
+            there = (times >= actor.active[0]) & (times <= actor.active[1])
+            rows.append(np.where(there, sample_motion(actor.trajectory, times).velocity[:, 0], np.nan))
+    first, later = np.nanmean(np.array(rows)[:, :6]), np.nanmean(np.array(rows)[:, 6:])
+    assert 25.0 < later < 33.0 and first == pytest.approx(later, rel=0.03)
 
 
 def test_the_same_arguments_give_the_same_bytes(busy) -> None:

@@ -212,6 +212,10 @@ def test_idm_equilibrium() -> None:
     gap = (2.0 + 10.0 * 1.5) / np.sqrt(1.0 - (10.0 / 15.0) ** 4)
     assert driver.follow(gap, 0.0, 15.0) == pytest.approx(0.0, abs=1e-12)
     assert driver.follow(0.8 * gap, 0.0, 15.0) < 0.0 < driver.follow(1.2 * gap, 0.0, 15.0)
+    driver.settle(gap, 10.0, 15.0)
+    assert driver.speed == pytest.approx(10.0, abs=0.01)
+    driver.settle(1e9, 0.0, 15.0)
+    assert driver.speed == pytest.approx(15.0, abs=0.01)
 
 
 def test_traffic_follows_a_given_actor() -> None:

@@ -43,6 +43,8 @@ _HORIZON = 120.0
 """How far ahead a driver looks for others [m]."""
 _CONSIDER = 5
 """Steps from one look at the lanes beside to the next."""
+_SETTLING = 8
+"""How often a driver's first speed is fitted to that of who is ahead: rows of so many settle wholly."""
 PASSES = 4
 """How often a crowd moves at most, so that queues at junctions do not grow without end: the density asked for holds on
 all lanes and their continuations at first, and where signals or right of way let fewer through, fewer come."""
@@ -106,11 +108,29 @@ class Crowd:
 
     def run(self, start_time: float, num_steps: int, step: float) -> None:
         """Move all drivers, and keep way, speed and acceleration at each instant."""
+        self._settle(start_time)
         for index in range(num_steps + 1):
             for driver in self.drivers:
                 driver.history.append((driver.way, driver.speed, driver.pull))
             if index < num_steps:
                 self._step(start_time + index * step, index, step)
+
+    def _settle(self, time: float) -> None:
+        """Let all drivers begin at the speed that suits the road, who is ahead, and where they must stop."""
+        self._place(0)
+        leaders = [self._leader(number, driver) for number, driver in enumerate(self.drivers)]
+        wished = [float(driver.limits[min(int(driver.way), len(driver.limits) - 1)]) for driver in self.drivers]
+        for driver, desired in zip(self.drivers, wished, strict=True):
+            driver.speed = desired
+        for _ in range(_SETTLING):
+            for driver, leader, desired in zip(self.drivers, leaders, wished, strict=True):
+                if leader is not None:
+                    ahead = self.drivers[leader.number].speed if leader.number >= 0 else leader.speed
+                    driver.settle(leader.gap, ahead, desired)
+        for number, (driver, leader) in enumerate(zip(self.drivers, leaders, strict=True)):
+            line = self._stop_line(number, driver, leader, time)
+            if line is not None:
+                driver.settle(line - 0.5 + driver.gap, 0.0, driver.speed)
 
     def _step(self, time: float, index: int, step: float) -> None:
         self._place(index)

@@ -42,8 +42,11 @@ CHILDREN = 0.16
 """Share of those under 16 years among people on foot; all of an age group are equally likely."""
 STEP = 0.1
 """Step of the car-following model [s]."""
-WARM_UP = 5.0
-"""Time that is simulated before the first instant, so that gaps and speeds fit together [s]."""
+WARM_UP, CHANGING, WAITING = 5.0, 15.0, 30.0
+"""Time that is simulated before the first instant, so that gaps and speeds fit together [s]: where vehicles have their
+lane; where they change lanes, so that the fast have found theirs; where they wait, so that queues are there."""
+_APART = 0.4
+"""Part of the mean gap that vehicles have between them at least at first: who is nearer begins by being too slow."""
 _TOP_SPEED = {"bicycle": 6.0, "scooter": 6.0, "lorry": 25.0, "bus": 27.8, "coach": 27.8}
 
 
@@ -95,12 +98,13 @@ def simulate_traffic(
 
     Notes
     -----
-    Intelligent Driver Model [1]_ with a jerk limit, in steps of 0.1 s after 5 s of warm-up; bends at 2 m/s^2; a
-    critical headway of 4.5 s where lanes yield; signals; stretches that two lanes share are used by one of them at a
-    time. Random routes at forks. At open ends, lanes go on straight and level beyond the scene, so that vehicles come
-    and go. Vehicles change between lanes of one direction (`Lane.left`) by MOBIL [3]_. People of all ages walk at
-    1.34 +- 0.2 m/s [2]_, children and the old slower, on the right of walkways and stand where these end. *Not
-    modelled*: overtaking on the lane of those who come towards, turning back.
+    Intelligent Driver Model [1]_ with a jerk limit, in steps of 0.1 s. All begin at the speed at which the model
+    neither accelerates nor brakes, 5 s before the span (15 s on roads of several lanes, 30 s where vehicles wait for
+    signals or others). Bends at 2 m/s^2; a critical headway of 4.5 s where lanes yield; signals; stretches that two
+    lanes share are used by one of them at a time. Random routes at forks. At open ends, lanes go on straight and level
+    beyond the scene, so that vehicles come and go. Vehicles change between lanes of one direction (`Lane.left`) by
+    MOBIL [3]_. People of all ages walk at 1.34 +- 0.2 m/s [2]_, children and the old slower, on the right of walkways
+    and stand where these end. *Not modelled*: overtaking on the lane of those who come towards, turning back.
 
     References
     ----------
@@ -109,17 +113,18 @@ def simulate_traffic(
     .. [3] A. Kesting, M. Treiber, D. Helbing, Transportation Research Record 1999, 86, 2007.
     """
     start_time, duration = span[0], span[1] - span[0]
+    warm_up = _warm_up(network)
     if not 0.0 < duration <= 3600.0:
         raise ParameterRangeError("span", span, "a start, and a stop above 0 to 3600 s later")
     shares, seed = dict(traffic.mix or DEFAULT_MIX), traffic.seed or 0
     chosen = {name: body_of(name, models) for name in shares if traffic.density > 0.0}
     width = max([body.width for body in chosen.values()] + [1.8]) / 2.0
     longest = max([body.length for body in chosen.values()] + [4.6])
-    graph = track_graph(network, duration + WARM_UP, width, longest, on_foot=traffic.pedestrians > 0)
-    start, num_steps = start_time - WARM_UP, round((duration + WARM_UP) / STEP + 0.5)
+    graph = track_graph(network, duration + warm_up, width, longest, on_foot=traffic.pedestrians > 0)
+    start, num_steps = start_time - warm_up, int(np.ceil((duration + warm_up) / STEP)) + 1
     instants: Array = start + STEP * np.arange(num_steps + 1, dtype=np.float64)
     obstacles = [_obstacle(graph, trajectory, ActorBody.of(body), instants) for trajectory, body in others]
-    planner = _Planner(graph, generator(seed, "traffic"), duration + WARM_UP, obstacles)
+    planner = _Planner(graph, generator(seed, "traffic"), duration + warm_up, obstacles)
 
     wanted: list[tuple[str, Mapping[str, float], int, Mapping[str, ActorBody]]] = []
     wanted += [("drive", shares, round(traffic.density * planner.kilometres("drive")), chosen)]
@@ -161,6 +166,14 @@ def simulate_traffic(
     actors += _parked(network, traffic.parked, shares, models, generator(seed, "parked"), names)
     times = start_time + np.linspace(0.0, duration, max(int(np.ceil(duration / STEP)), 1) + 1)
     return without_collisions(actors, times, others)
+
+
+def _warm_up(network: LaneNetwork) -> float:
+    """Return how long before the first instant the simulation begins [s]."""
+    lanes = network.of_kind("drive")
+    if any(lane.signal or lane.yield_to for lane in lanes):
+        return WAITING
+    return CHANGING if any(lane.left for lane in lanes) else WARM_UP
 
 
 def walkers() -> dict[str, float]:
@@ -269,6 +282,7 @@ class _Planner:
             if self.graph.tracks[index].next or self.graph.tracks[index].lane
         ]
         lengths = np.array([self.graph.tracks[index].length for index in indices])
+        share = _APART * max(float(lengths.sum()) / count - 5.0, 0.0)
         names = sorted(shares)
         weights = np.array([shares[name] for name in names], dtype=np.float64)
         placed = 0
@@ -278,15 +292,16 @@ class _Planner:
             index = indices[int(self.draw.choice(len(indices), p=lengths / lengths.sum()))]
             way = float(self.draw.uniform(0.0, self.graph.tracks[index].length))
             model = names[int(self.draw.choice(len(names), p=weights / weights.sum()))]
-            if self._is_free(index, way, bodies[model]):
+            if self._is_free(index, way, bodies[model], share):
                 self.taken.setdefault(index, []).append((way - bodies[model].length, way))
                 self.made.append((self._driver(index, way, bodies[model], model), model))
                 placed += 1
         return placed
 
-    def _is_free(self, index: int, front: float, body: ActorBody) -> bool:
+    def _is_free(self, index: int, front: float, body: ActorBody, share: float) -> bool:
+        """Return whether a body has room on a track: its share of the road [m], if no more than who drives needs."""
         track = self.graph.tracks[index]
-        room = 0.4 if track.kind == "walk" else 2.5
+        room = 0.4 if track.kind == "walk" else max(min(share, 2.0 + track.speed), 2.5)
         rear = front - body.length
         if rear < 0.5 or front > track.length - 0.5:
             return False
@@ -308,7 +323,7 @@ class _Planner:
                 body,
                 [index],
                 front,
-                0.7 * min(top, track.speed),
+                min(top, track.speed),
                 float(1.5 + 0.2 * spread[2]),
                 0.8 if heavy else float(1.4 + 0.2 * spread[3]),
                 2.0,
@@ -322,7 +337,6 @@ class _Planner:
         driver.needed = needed
         driver.blocked_end = self.go_on(driver.route, needed)
         driver.prepare(self.graph.tracks, self.paths)
-        driver.speed = min(driver.speed, 0.8 * float(driver.limits[int(front)]))
         return driver
 
     def go_on(self, route: list[int], needed: float) -> bool:
