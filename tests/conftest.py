@@ -36,6 +36,9 @@ keeps too long, or a cache without a bound, shows here first."""
 MUCH_MEMORY, MORE_MEMORY = 0.6e9, 0.1e9
 """A process with more than the first gives back what it no longer uses whenever it has grown by the second; the engine
 takes 0.3 GB, TensorFlow 0.5 GB more."""
+FULL_MEMORY = 1.2e9
+"""A process that holds more than this after giving back starts the tests of a further file in another process: what
+compiled kernels, modules and a scattered heap take grows with the number of files, some 4 MB each."""
 PEAKS = pytest.StashKey[dict[str, int]]()
 """Peak of each file's tests [bytes]."""
 
@@ -62,8 +65,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.hookimpl(trylast=True)
-def pytest_collection_finish() -> None:
+def pytest_collection_finish(session: pytest.Session) -> None:
     """Keep the collector from what lives until the end, all modules and tests: each search took 0.4 s."""
+    _Memory.session = session
     gc.collect()
     gc.freeze()
     gc.enable()
@@ -99,6 +103,8 @@ def pytest_runtest_logstart(nodeid: str) -> None:
             if job is not None:
                 job._world.cache_clear()  # an export keeps two worlds for its next shard
             _give_back()
+            if _Memory.after_release > FULL_MEMORY and _Memory.session is not None:
+                own_process.send_all_away(*_rest_of(file, _Memory.session))
         forget_peak()
     _Memory.file = file
 
@@ -119,6 +125,14 @@ def pytest_runtest_logfinish() -> None:
         _give_back()
 
 
+def _rest_of(file: str, session: pytest.Session) -> tuple[list[pytest.Item], list[str]]:
+    """Return the tests of a file that no mark has sent away, and the options that their process needs."""
+    items = [
+        item for item in session.items if item.nodeid.partition("::")[0] == file and "own_process" not in item.keywords
+    ]
+    return items, ["--run-slow"] if session.config.getoption("--run-slow") else []
+
+
 def _give_back() -> None:
     release_memory()
     _Memory.after_release = resident_bytes()[0]
@@ -130,8 +144,9 @@ def _note_peak() -> None:
 
 
 class _Memory:
-    """The file whose tests run, what the process had when it last gave memory back [bytes], the peaks before."""
+    """The session, the file whose tests run, memory held after the last giving back [bytes], the peaks."""
 
+    session: ClassVar[pytest.Session | None] = None
     file = ""
     after_release = 0
     peaks: ClassVar[dict[str, int]] = {}

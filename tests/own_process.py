@@ -1,6 +1,7 @@
 """Tests marked `own_process` run in a process of their own and are reported where they stand.
 
-There is one for all of a file, or for all of a file whose marks have the same argument: `own_process("first")`.
+There is one for all of a file, or for all of a file whose marks have the same argument: `own_process("first")`. So do
+all tests of a file that starts when the process already holds much (`conftest.FULL_MEMORY`).
 
 TensorFlow stays in a process for ever and takes 0.5 GB; with it and a detailed scene a worker would pass the goal of
 1.5 GB.
@@ -34,16 +35,21 @@ _outcomes: dict[str, dict[str, tuple[str, str]]] = {}
 
 def send_away(items: list[pytest.Item], options: list[str]) -> None:
     """Let marked tests take their outcome from the other process, which starts with the first of a file."""
-    marked = [item for item in items if "own_process" in item.keywords and not any(item.iter_markers("skip"))]
-    for item in marked if RESULTS not in os.environ else ():
-        together = [other.nodeid for other in marked if _group(other) == _group(item)]
+    send_all_away([item for item in items if "own_process" in item.keywords], options)
+
+
+def send_all_away(items: list[pytest.Item], options: list[str]) -> None:
+    """Let these tests, but those that are skipped, take their outcome from another process, marked or not."""
+    sent = [item for item in items if not any(item.iter_markers("skip"))]
+    for item in sent if RESULTS not in os.environ else ():
+        together = [other.nodeid for other in sent if _group(other) == _group(item)]
         item.fixturenames = []  # type: ignore[attr-defined]  # a new list: other cases of the function share the old one
         item.runtest = partial(_take_outcome, item.nodeid, together, options)  # type: ignore[method-assign]
 
 
 def _group(item: pytest.Item) -> tuple[object, ...]:
     """Return what the tests of one process have in common."""
-    return (item.path, *next(item.iter_markers("own_process")).args)
+    return (item.path, *(argument for mark in item.iter_markers("own_process") for argument in mark.args))
 
 
 def write_report(report: pytest.TestReport) -> None:
