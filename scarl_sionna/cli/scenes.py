@@ -21,7 +21,7 @@ def scene(
     name: Annotated[
         str,
         typer.Argument(
-            help="Name of a scene, or path of a Mitsuba XML or a map (.xodr, .osm, .net.xml).",
+            help="Name of a scene, or path of a Mitsuba XML or a map (.xodr, .osm, .net.xml, .json).",
             autocompletion=completing(scene_names),
         ),
     ],

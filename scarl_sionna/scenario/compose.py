@@ -29,6 +29,7 @@ from .cast import EGO, Member, cast_of, roles_of
 from .checks.spec import check_collisions, check_gaits, check_places, check_speeds, check_times, first_collision
 from .drawn import drawn
 from .motion.motions import Setting
+from .own_map import OWN_MAP, own_map
 from .randomize import draw_materials, draw_reflectances
 from .road_users import traffic_of
 from .spec.light import name_error
@@ -146,7 +147,9 @@ def scene_of(spec: ScenarioSpec) -> SceneDocument:
     """Return the scene that a scenario names, as its files have it."""
     from scarl_sionna.scene.document.find import MAP_SUFFIXES, find_scene
 
-    text = spec.scene
+    text, around = spec.scene, None
+    if text == OWN_MAP or text.endswith(".json"):
+        text, around = own_map(spec)
     if text in scenes_xml.scene_names():
         try:
             path = find_scene(text, spec.variant, spec.detail)
@@ -172,7 +175,7 @@ def scene_of(spec: ScenarioSpec) -> SceneDocument:
             value=text,
         )
     try:
-        found = find_scene(spec.find(text) if is_path else text, spec.variant, spec.detail)
+        found = find_scene(spec.find(text) if is_path else text, spec.variant, spec.detail, around)
     except UnknownNameError as error:
         raise name_error(error, spec.place("scene")) from error
     return read_document(found, spec.detail)

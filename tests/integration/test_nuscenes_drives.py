@@ -107,6 +107,31 @@ def test_it_stands_on_the_ground_and_runs(round_trip) -> None:
         np.testing.assert_allclose(boxes[name].world_from_box.position, truth[name].world_from_box.position, atol=0.05)
 
 
+def test_it_drives_in_the_map_of_its_own_export(round_trip) -> None:
+    """`scene: nuscenes`: the lanes of the map expansion, where they were; the drive beside the street has no ground."""
+    spec, out = round_trip
+    own = replayed(spec, out / "v1.0-mini").with_(scene="nuscenes", num_frames=61)
+    before, after = compose(spec).scene.lanes, compose(own)
+    assert before is not None and after.scene.lanes is not None
+    for lane in before.of_kind("drive"):
+        points = lane.at(np.linspace(0.0, lane.length, 100))
+        assert max(after.scene.lanes[f"{lane.name}/0/-1"].nearest(point)[1] for point in points) < 0.1
+    assert {one.actor.name for one in after.members} == {one.actor.name for one in compose(spec).members}
+    assert "map expansion" in str(after.scene.info["source"])
+
+
+def test_a_map_that_is_not_there_says_where_it_should_be(tables: Path, tmp_path) -> None:
+    nobody = ScenarioSpec(scene="nuscenes", duration=2.0)
+    with pytest.raises(ScenarioError, match="takes the map of a drive of nuScenes, and none is named"):
+        compose(nobody)
+    spec = replayed(ScenarioSpec(), tables).with_(scene="nuscenes")
+    spec = spec.with_(traffic={"source": "nuscenes", "file": str(tables), "sequence": "scene-0061"})
+    with pytest.raises(ScenarioFileError, match="the map of 'singapore-onenorth' is not there: .*maps/expansion"):
+        compose(spec)
+    with pytest.raises(ScenarioError, match="sequence"):
+        compose(spec.with_(traffic={"source": "nuscenes", "file": str(tables), "sequence": "scene-1"}))
+
+
 # -- tables as the original has them -----------------------------------------------------------------------------------
 
 THINGS = {

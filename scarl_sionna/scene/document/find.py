@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
+
 import scenes_xml
 from scarl_sionna.core.errors import ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.scene.actors.model import DETAILS
 
-MAP_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
-"""Of maps, from which a scene is built: OpenDRIVE, OpenStreetMap, SUMO."""
+MAP_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml", ".json")
+"""Of maps, from which a scene is built: OpenDRIVE, OpenStreetMap, SUMO, nuScenes."""
 
 
 def scene_names() -> list[str]:
@@ -29,8 +32,13 @@ def _sionna_scenes() -> dict[str, Path]:
     }
 
 
-def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detailed") -> Path:
-    """Return the XML file of a scene by its name or path, built where need be; the file itself is not looked at."""
+def find_scene(
+    name_or_path: str | Path, variant: int = 0, detail: str = "detailed", around: npt.NDArray[np.float64] | None = None
+) -> Path:
+    """Return the XML file of a scene by its name or path, built where need be; the file itself is not looked at.
+
+    Of a map, only what lies beside the points `around` (N, 2) [m] of a way, where they are given.
+    """
     if detail not in DETAILS:
         raise UnknownNameError("detail", str(detail), DETAILS)
     name = str(name_or_path)
@@ -40,7 +48,7 @@ def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detail
     if path is not None and path.name.endswith(MAP_SUFFIXES):
         from scarl_sionna.scene.streets.cached import map_scene  # takes a while, and few need it
 
-        return map_scene(path, detail, variant)
+        return map_scene(path, detail, variant, around)
     if path is not None or name not in scene_names():
         if variant != 0:
             raise ParameterRangeError(
@@ -75,4 +83,6 @@ def _sionna_file(name: str) -> Path:
     if name in sionna:
         return sionna[name]
     known = [*scene_names(), *sionna]
-    raise UnknownNameError("scene", name, known, "or give the path of a Mitsuba XML or a map (.xodr, .osm, .net.xml)")
+    raise UnknownNameError(
+        "scene", name, known, "or give the path of a Mitsuba XML or a map (.xodr, .osm, .net.xml, .json)"
+    )

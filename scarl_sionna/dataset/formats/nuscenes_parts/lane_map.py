@@ -118,6 +118,7 @@ class LaneMap:
             "carpark_area",
         )
         self.tables: dict[str, Any] = {"version": VERSION, "canvas_edge": [float(side) for side in canvas]}
+        self.tables["scarl_world_from_map"] = self._origin.tolist()
         self.tables |= {layer: [] for layer in (*layers, *EMPTY_LAYERS)}
         self.tables |= {"arcline_path_3": {}, "connectivity": {}}
         driven = lanes.of_kind("drive")
@@ -178,6 +179,7 @@ class LaneMap:
                 "right_lane_divider_segments": [],
                 "scarl_name": lane.name,
                 "scarl_speed": float(lane.speed),
+                "scarl_width": float(lane.width),
             }
         )
         before = [token("lane", one.name) for one in lanes.before(lane.name) if one.name in driven]

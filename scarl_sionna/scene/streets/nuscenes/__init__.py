@@ -1,0 +1,1 @@
+"""The map expansion of nuScenes: its tables, and the street map that they are."""
