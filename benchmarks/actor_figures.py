@@ -2,7 +2,7 @@
 
 Contact sheets of all models, detailed and light, and of their colours.
 
-python benchmarks/actor_figures.py [--figures docs/figures] [--sheets vehicles people ages companions colours]
+python benchmarks/actor_figures.py [--figures docs/figures] [--sheets vehicles people ages companions running colours]
 python benchmarks/actor_figures.py --only saloon bus [--views front rear] [--width 560] [--samples 12]
 
 With --only, one sheet of those models is written (actors_chosen.webp), for a look while a model is made.
@@ -69,10 +69,14 @@ class Studio:
         samples: int,
         variant: str | None = None,
         tall: bool = False,
+        running: tuple[float, float] | None = None,
     ) -> Image.Image:
-        """Return a denoised picture of a model; `tall`: all at one scale, that of an adult."""
+        """Return a denoised picture of a model.
+
+        `tall`: all at one scale, that of an adult; `running`: speed [m/s] and time in the gait [cycles].
+        """
         model = ss.read_actor_model(name)
-        speed = SPEEDS[model.motion] * usual_pace(ActorBody.of(model))
+        speed = SPEEDS[model.motion] * usual_pace(ActorBody.of(model)) if running is None else running[0]
         turned = Pose.from_euler(
             [0.0, 0.0, 0.0], yaw=np.radians(125.0)
         )  # the sun stands behind the camera's right shoulder
@@ -81,7 +85,13 @@ class Studio:
             if speed == 0.0
             else ConstantTwistTrajectory(turned, Twist(turned.rotate([speed, 0.0, 0.0])))
         )
-        state = ss.stage(self.world, [ss.StagedActor("it", model, path, detail=level, variant=variant)]).at(TIME)
+        world = ss.stage(self.world, [ss.StagedActor("it", model, path, detail=level, variant=variant)])
+        when = TIME
+        if running is not None:
+            when = running[1] / next(one for one in world.actor("it").joints if hasattr(one, "gait")).gait.cadence(
+                speed
+            )
+        state = world.at(when)
         half = 0.5 * (np.array([1.0, 0.6, 1.92]) if tall else np.array([model.length, model.width, model.height]))
         corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
         azimuth, elevation = np.radians(VIEWS[view])
@@ -148,6 +158,16 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
     if "companions" in wanted:
         tiles = [(name, studio.picture(name, "detailed", "front", (240, 250), samples)) for name in COMPANIONS]
         save_photo(sheet(tiles, len(tiles)), folder / "actors_companions.webp")
+    if "running" in wanted:
+        tiles = [
+            (
+                name if time == 0.0 else "",
+                studio.picture(name, "detailed", "side", (96, 150), samples, None, True, (v, time)),
+            )
+            for name, v in (("man_27", 3.0), ("woman_19", 5.0), ("boy_8", 2.5))
+            for time in np.arange(7) / 12.0
+        ]
+        save_photo(sheet(tiles, 7), folder / "actors_running.webp")
     if "colours" in wanted:
         tiles = []
         for name in COLORFUL:
@@ -161,7 +181,9 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--figures", type=Path, default=Path("docs/figures"))
-    parser.add_argument("--sheets", nargs="*", default=["vehicles", "people", "ages", "companions", "colours"])
+    parser.add_argument(
+        "--sheets", nargs="*", default=["vehicles", "people", "ages", "companions", "running", "colours"]
+    )
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--views", nargs="*", default=["front", "rear"], choices=VIEWS)
     parser.add_argument("--levels", nargs="*", default=["detailed", "light"])

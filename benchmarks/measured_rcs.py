@@ -1,11 +1,12 @@
 """RCS of people, cyclists, cars and lorries over aspect and gait, beside what was measured at 76 to 81 GHz.
 
-python benchmarks/measured_rcs.py measure [--only adult_man ...]   writes docs/figures/data/measured_rcs.json, 20 min
-python benchmarks/measured_rcs.py table                            the table of docs/actors.md
-python benchmarks/measured_rcs.py figures          docs/figures/rcs_people.png, rcs_ages.png, rcs_road_users.png
+python benchmarks/measured_rcs.py measure [--only adult_man ...]   writes docs/figures/data/measured_rcs.json, 25 min
+python benchmarks/measured_rcs.py table                            the tables of docs/actors.md
+python benchmarks/measured_rcs.py figures                          docs/figures/rcs_people.webp, rcs_road_users.png
 
 People are looked at as in the JRC's measurement: 3.4 m away, the antenna 0.8 m high, VV, mean over azimuth and band, by
-`sbr` in an empty world. Two-wheelers at 10 m, vehicles in the far field (`ss.rcs`) from slightly below the middle.
+`sbr` in an empty world; all 32 stand and walk at the light level, four models stand in detail. Two-wheelers at 10 m,
+vehicles in the far field (`ss.rcs`) from slightly below the middle.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
+from scarl_sionna.scenario.motion.bodies import ActorBody, usual_pace
+from scarl_sionna.scene.actors.model import person_ages
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory, WaypointTrajectory
 from tests.scenes import Thing, plane, write_scene
 
@@ -55,9 +58,7 @@ SPEED = 1.3
 CYCLE = (0.0, 0.25, 0.5, 0.75)
 """Times in the gait, in parts of the two steps that it repeats after."""
 PEOPLE = ("adult_man", "adult_woman", "standing_adult", "child")
-AGES = ("girl_3", "boy_4", "girl_5", "boy_6", "girl_7", "boy_8", "girl_9", "boy_10", "man_22", "woman_34", "man_38")
-AGES += ("woman_52",)
-"""People of all ages that stand, light, 24 azimuths."""
+AGES = person_ages()
 FAR_SETTINGS = SbrSettings(ray_spacing=16.0, edge_spacing=8.0, bisections=5)
 
 
@@ -105,31 +106,31 @@ def row(model: str, detail: str, method: str, gait: float, phi: npt.NDArray[np.f
 
 
 def people(model: str, folder: Path) -> list[Any]:
-    """Return the runs of a person: standing, over azimuth, and walking, over azimuth and gait."""
-    phi, rows = azimuths(36), []
+    """Return the runs of a person who stands, over 24 azimuths: in detail, light, and by the class."""
+    phi, rows = azimuths(24), []
     for method, detail in (("sbr", "detailed"), ("sbr", "light"), ("raycast", "detailed")):
         start = time.process_time()
         world = alone(model, detail, StaticTrajectory(Pose()), folder)
         level = seen(world, 0.0, method, 3.4, 0.8, phi)
         rows.append(row(model, detail, method, -1.0, phi, level, time.process_time() - start))
-    if model in ("adult_man", "adult_woman"):
-        walk = WaypointTrajectory([0.0, 10.0], [[0.0, 0.0, 0.0], [10.0 * SPEED, 0.0, 0.0]])
-        world = alone(model, "light", walk, folder)
-        step = next(joint for joint in world.actor("it").joints if hasattr(joint, "gait"))
-        period = 1.0 / step.gait.cadence(SPEED)
-        phi = azimuths(24)
-        for gait in CYCLE:
-            start = time.process_time()
-            level = seen(world, 4.0 + gait * period, "sbr", 3.4, 0.8, phi)
-            rows.append(row(model, "light", "sbr", gait, phi, level, time.process_time() - start))
     return rows
 
 
-def standing(model: str, folder: Path) -> list[Any]:
-    """Return the run of a person who stands, light, over azimuth."""
-    phi, start = azimuths(24), time.process_time()
+def of_all_ages(model: str, folder: Path) -> list[Any]:
+    """Return the runs of one of the people, light: standing, 18 azimuths, and walking, 3 at each time of the gait."""
+    phi, start = azimuths(18), time.process_time()
     level = seen(alone(model, "light", StaticTrajectory(Pose()), folder), 0.0, "sbr", 3.4, 0.8, phi)
-    return [row(model, "light", "sbr", -1.0, phi, level, time.process_time() - start)]
+    rows = [row(model, "light", "sbr", -1.0, phi, level, time.process_time() - start)]
+    speed = SPEED * usual_pace(ActorBody.of(ss.read_actor_model(model)))
+    walk = WaypointTrajectory([0.0, 10.0], [[0.0, 0.0, 0.0], [10.0 * speed, 0.0, 0.0]])
+    world = alone(model, "light", walk, folder)
+    period = 1.0 / next(joint for joint in world.actor("it").joints if hasattr(joint, "gait")).gait.cadence(speed)
+    phi = azimuths(3 * len(CYCLE))
+    for number, gait in enumerate(CYCLE):
+        own, start = phi[number :: len(CYCLE)], time.process_time()
+        level = seen(world, 4.0 + gait * period, "sbr", 3.4, 0.8, own)
+        rows.append(row(model, "light", "sbr", gait, own, level, time.process_time() - start))
+    return rows
 
 
 def cyclist(model: str, folder: Path) -> list[Any]:
@@ -161,7 +162,7 @@ def measure(only: list[str]) -> None:
             if model in PEOPLE:
                 new = people(model, Path(folder))
             elif model in AGES:
-                new = standing(model, Path(folder))
+                new = of_all_ages(model, Path(folder))
             else:
                 new = cyclist(model, Path(folder)) if model == "bicycle" else vehicle(model)
             rows = [one for one in rows if one["model"] != model] + new
@@ -178,18 +179,54 @@ def statistics(level: Any) -> str:
 
 
 def table() -> None:
-    """Print the table."""
+    """Print the tables: models in detail and other road users, then the people one by one."""
     print("| model, by | mean [dBsm] | mean of decibels | 10 % | median | 90 % |\n|---|---|---|---|---|---|")
     rows = json.loads(DATA.read_text(encoding="utf-8"))
-    walking: dict[str, list[float]] = {}
     for one in rows:
-        if one["gait"] >= 0.0:
-            walking.setdefault(one["model"], []).extend(one["rcs_dbsm"])
-            continue
-        by = {"sbr": f"`sbr`, {one['detail']}", "raycast": "class (`raycast`)", "rcs": f"`ss.rcs`, {one['detail']}"}
-        print(f"| `{one['model']}`, {by[one['method']]} | {statistics(one['rcs_dbsm'])} |")
-    for model, level in walking.items():
-        print(f"| `{model}`, `sbr`, light, walking, {len(CYCLE)} times of the gait | {statistics(level)} |")
+        if one["model"] not in AGES:
+            by = {"sbr": f"`sbr`, {one['detail']}", "raycast": "class (`raycast`)", "rcs": f"`ss.rcs`, {one['detail']}"}
+            print(f"| `{one['model']}`, {by[one['method']]} | {statistics(one['rcs_dbsm'])} |")
+    for name, levels in groups(rows).items():
+        print(f"| {name}, light | {statistics(levels)} |")
+    print("\n| model | stands: mean | median | 10 to 90 % | walks: mean | median | 10 to 90 % |")
+    print("|---|---|---|---|---|---|---|")
+    for model in AGES:
+        cells = []
+        for level in (stands(rows, model), walks(rows, model)):
+            low, median, high = np.percentile(level, [10, 50, 90])
+            cells += [beside_measured(mean_of(level)), f"{median:.1f}", f"{low:.1f} to {high:.1f}"]
+        print(f"| `{model}` | {' | '.join(cells)} |")
+
+
+def mean_of(level: Any) -> float:
+    """Return the mean of the powers [dBsm]."""
+    return float(power_to_db(np.mean(10.0 ** (np.asarray(level) / 10.0))))
+
+
+def beside_measured(mean: float) -> str:
+    """Return a mean [dBsm] as text, bold where it is outside the measured means of adults."""
+    means = [value for pair in JRC.values() for value in pair]
+    return f"{mean:.1f}" if min(means) <= mean <= max(means) else f"**{mean:.1f}**"
+
+
+def stands(rows: Any, model: str) -> list[float]:
+    """Return the levels of one of the people who stands [dBsm]."""
+    return [v for one in rows if one["model"] == model and one["gait"] < 0.0 for v in one["rcs_dbsm"]]
+
+
+def walks(rows: Any, model: str) -> list[float]:
+    """Return the levels of one of the people who walks, over azimuth and gait [dBsm]."""
+    return [v for one in rows if one["model"] == model and one["gait"] >= 0.0 for v in one["rcs_dbsm"]]
+
+
+def groups(rows: Any) -> dict[str, list[float]]:
+    """Return the levels of all adults and of all children, standing and walking [dBsm]."""
+    found: dict[str, list[float]] = {}
+    for name, is_child in (("adults", False), ("children under 16", True)):
+        for does, levels in (("stand", stands), ("walk", walks)):
+            models = [model for model, age in AGES.items() if (age < 16) == is_child]
+            found[f"{len(models)} {name} {does}"] = [v for model in models for v in levels(rows, model)]
+    return found
 
 
 def pick(rows: Any, model: str, method: str, detail: str) -> Any:
@@ -202,64 +239,42 @@ def pick(rows: Any, model: str, method: str, detail: str) -> Any:
 
 
 def draw_people(rows: Any) -> None:
-    """Draw the distributions over azimuth and gait beside the measured means."""
+    """Draw all people over aspect, and of each mean and spread, standing and walking, beside measured ranges."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.5, 1.0])
-    for model, colour in (("adult_man", "C0"), ("adult_woman", "C1"), ("standing_adult", "C2")):
+    figure = Figure(figsize=(10.0, 7.4), layout="constrained")
+    top, below = figure.subplots(2, 1)
+    means = [value for pair in JRC.values() for value in pair]
+    for axes in (top, below):
+        axes.axhspan(min(means), max(means), color="C3", alpha=0.25, lw=0, label="measured means of adults (JRC)")
+        axes.axhspan(SCHUBERT[0], SCHUBERT[2], color="C3", alpha=0.07, lw=0, label="measured span (Schubert)")
+        axes.grid(alpha=0.3)
+        axes.set(ylabel="RCS [dBsm]", ylim=(-26, 8))
+    for number, (model, age) in enumerate(AGES.items()):
+        color = "C2" if age < 16 else "C0"
+        still, moving = stands(rows, model), walks(rows, model)
+        one = pick(rows, model, "sbr", "light")
+        top.plot(one["azimuth_deg"], one["rcs_dbsm"], color=color, lw=0.5, alpha=0.5)
+        for level, shift, marker in ((still, -0.12, "o"), (moving, 0.22, "^")):
+            shade = color if shift < 0.0 else "0.35"
+            below.plot([number + shift] * 2, np.percentile(level, [10, 90]), color=shade, lw=1.2)
+            below.plot(number + shift, np.median(level), "_", color=shade, ms=7)
+            below.plot(number + shift, mean_of(level), marker, color=shade, ms=4)
+    for model, marker in (("adult_man", "o"), ("adult_woman", "s"), ("standing_adult", "v"), ("child", "^")):
         one = pick(rows, model, "sbr", "detailed")
-        left.plot(one["azimuth_deg"], one["rcs_dbsm"], "o-", ms=3, lw=0.8, color=colour, label=f"{model}, sbr")
-        right.plot(*_cumulative(one["rcs_dbsm"]), color=colour, lw=1.2, label=f"{model}, stands")
-    one = pick(rows, "adult_man", "raycast", "detailed")
-    left.plot(one["azimuth_deg"], one["rcs_dbsm"], "k--", lw=1.0, label="adult_man, class (raycast)")
-    for number, gait in enumerate(CYCLE):
-        level = [v for o in rows if o["gait"] == gait for v in o["rcs_dbsm"]]
-        label = f"man and woman walk, {gait:g} of the gait, light"
-        right.plot(*_cumulative(level), color=f"{0.2 + 0.18 * number:.2f}", lw=0.8, label=label)
-    means = [value for pair in JRC.values() for value in pair]
-    for axes, band in ((left, left.axhspan), (right, right.axhspan)):
-        band(min(means), max(means), color="C3", alpha=0.25, lw=0, label="measured means (JRC)")
-        axes.axhline(SCHUBERT[0], color="C3", ls=":", lw=1.0, label="measured span (Schubert)")
-        axes.axhline(SCHUBERT[2], color="C3", ls=":", lw=1.0)
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=7, loc="lower right")
-    left.set(xlabel="azimuth [deg], 0: front", ylabel="RCS [dBsm]", xlim=(0, 360), ylim=(-30, 8))
-    right.set(xlabel="share of azimuths below", xlim=(0, 1))
-    figure.savefig(ROOT / "docs/figures/rcs_people.png", dpi=80)
-
-
-def draw_ages(rows: Any) -> None:
-    """Draw the RCS of people of all ages over aspect and its distribution, beside the measured ranges of adults."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.0, 4.0), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.5, 1.0])
-    found = {model: [one for one in rows if one["model"] == model] for model in AGES}
-    means = [value for pair in JRC.values() for value in pair]
-    for axes, band in ((left, left.axhspan), (right, right.axhspan)):
-        band(min(means), max(means), color="C3", alpha=0.25, lw=0, label="measured means of adults (JRC)")
-        axes.axhline(SCHUBERT[0], color="C3", ls=":", lw=1.0, label="measured span (Schubert)")
-        axes.axhline(SCHUBERT[2], color="C3", ls=":", lw=1.0)
-        axes.grid(alpha=0.3)
-    for model, (one,) in ((model, runs) for model, runs in found.items() if runs):
-        is_child = int(model.rpartition("_")[2]) < 16
-        style = {"color": "C2" if is_child else "C0", "lw": 0.8, "alpha": 0.8}
-        if model in ("girl_5", "boy_10", "man_22", "woman_52"):
-            marker = {"girl_5": "o", "boy_10": "s", "man_22": "^", "woman_52": "v"}[model]
-            left.plot(one["azimuth_deg"], one["rcs_dbsm"], marker=marker, ms=3, **style, label=model)
-        right.plot(*_cumulative(one["rcs_dbsm"]), **style)
-    right.plot([], [], color="C0", label="adults, each")
-    right.plot([], [], color="C2", label="children, each")
-    left.set(xlabel="azimuth [deg], 0: front", ylabel="RCS [dBsm]", xlim=(0, 360), ylim=(-25, 6))
-    right.set(xlabel="share of azimuths below", xlim=(0, 1))
-    left.legend(fontsize=7, loc="lower right")
-    right.legend(fontsize=7, loc="lower right")
-    figure.savefig(ROOT / "docs/figures/rcs_ages.png", dpi=72)
-
-
-def _cumulative(level: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    return (np.arange(len(level)) + 0.5) / len(level), np.sort(level)
+        label = f"{model}, detailed"
+        top.plot(
+            one["azimuth_deg"], one["rcs_dbsm"], marker, color="C2" if model == "child" else "k", ms=3, label=label
+        )
+    top.plot([], [], color="C0", lw=0.8, label="adults, light, standing, each")
+    top.plot([], [], color="C2", lw=0.8, label="children, the same")
+    below.plot([], [], "o-", color="C0", ms=4, label="stands: mean of powers, median (bar), 10 to 90 %")
+    below.plot([], [], "^-", color="0.35", ms=4, label="walks, over azimuth and gait")
+    top.set(xlabel="azimuth [deg], 0: front", xlim=(0, 360))
+    below.set_xticks(range(len(AGES)), AGES, rotation=90, fontsize=7)
+    for axes in (top, below):
+        axes.legend(fontsize=7, loc="lower right", ncols=2)
+    figure.savefig(ROOT / "docs/figures/rcs_people.webp", dpi=90, pil_kwargs={"quality": 60, "method": 6})
 
 
 def _fold(one: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -325,7 +340,6 @@ def main() -> None:
     else:
         rows = json.loads(DATA.read_text(encoding="utf-8"))
         draw_people(rows)
-        draw_ages(rows)
         draw_road_users(rows)
 
 

@@ -26,14 +26,14 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import World
 from scarl_sionna.radar.micro_doppler import Spectrogram, spectrograms, surface_motion, window_half_width
-from scarl_sionna.scene.motion.articulation import Pedal
-from scarl_sionna.scene.motion.gait import SEGMENTS, WalkingGait
+from scarl_sionna.scene.motion.articulation import Pedal, Walk
+from scarl_sionna.scene.motion.gait import SEGMENTS
 from tests.actor_scenes import actor_world
 
 FIGURES = Path(__file__).resolve().parent.parent / "docs" / "figures"
 BELOW_DB = 45.0
 WINDOW = "blackman"
-WALK, HEIGHT = 1.35, 1.78
+WALK = 1.35
 RIDE, SPEED_UP = 5.0, 1.25
 """Speed of the cyclist [m/s], and acceleration where the wheels are looked at [m/s2]."""
 LEGS = ("foot", "lower_leg", "upper_leg")
@@ -135,7 +135,8 @@ def walker(folder: Path, columns: int, looks: int, detail: str = "detailed", num
     """
     trajectory = {"kind": "constant_twist", "position": [0.0, 0.0, 0.0], "velocity": [WALK, 0.0, 0.0]}
     world = actor_world(folder, "adult_man", trajectory, detail)
-    cycle = 1.0 / WalkingGait(HEIGHT).cadence(WALK)
+    (gait,) = (joint.gait for joint in world.actor("it").joints if isinstance(joint, Walk))
+    cycle = 1.0 / gait.cadence(WALK)
     shift = np.random.default_rng(1).uniform(0.0, 0.3, looks)
 
     def pose(t: float) -> Pose:

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from ..packing import write_packed
-from . import cars, cycles, heavy, people
+from . import cars, cycles, heavy
 from .model import Model, write_model
 
 MODELS: dict[str, Callable[[], Model]] = {
@@ -24,7 +24,6 @@ MODELS: dict[str, Callable[[], Model]] = {
     "bus": heavy.make_bus,
     "coach": heavy.make_coach,
     "tram": heavy.make_tram,
-    **people.MODELS,
     **cycles.MODELS,
 }
 """Name of each model -> the function that makes it."""

@@ -16,7 +16,7 @@ from ..generators.vehicles.vehicle_parts import bar, car_underbody
 from . import materials
 from .materials import ROLES, VEHICLE, Color
 from .model import Model, Part
-from .people import MATERIALS
+from .people import bare, cloth, hair
 
 SHAPES: dict[str, CarShape] = {
     "small_car": CarShape(
@@ -56,6 +56,10 @@ SHAPES: dict[str, CarShape] = {
 }  # fmt: skip # a table
 """Measures; widths without mirrors."""
 
+INSIDE = {
+    "top": cloth((0.03, 0.06, 0.16)), "skin": bare((0.50, 0.31, 0.22)), "hair": hair((0.045, 0.028, 0.018)),
+}  # fmt: skip # a table
+"""What people inside wear, and their skin and hair."""
 OCCUPANTS: dict[str, tuple[str, ...]] = {
     "small_car": ("driver",), "saloon": ("driver",), "suv": ("driver", "beside"),
     "estate": ("driver", "right"), "pickup": ("driver",),
@@ -123,7 +127,7 @@ def build(name: str) -> Model:
         "occupants": [part for part in fine if part.startswith("people_")],
     }
     default = next(iter(PAINTS[name].values()))
-    bsdfs = {"paint": materials.paint(default), **VEHICLE, **{key: MATERIALS[key] for key in ("top", "skin", "hair")}}
+    bsdfs = {"paint": materials.paint(default), **VEHICLE, **INSIDE}
     variants = {variant: {"paint": color} for variant, color in PAINTS[name].items()}
     return Model(head, fine, coarse, bsdfs, variants, joints(centres, wheels))
 

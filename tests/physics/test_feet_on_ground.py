@@ -12,7 +12,7 @@ from scarl_sionna.scenario.checks.motion import ground_heights
 from scarl_sionna.scenario.compose import build_world
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
 from scarl_sionna.scene.motion.articulation import Walk, joints_from_tables, joints_on, joints_on_ground
-from scarl_sionna.scene.motion.gait import SEGMENTS, SIDES, SOLE, _support
+from scarl_sionna.scene.motion.gait import SEGMENTS, SIDES, SOLE
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, forward_speeds, is_present
 
 CONTACT, STILL, DEPTH = 0.01, 0.02, 0.01
@@ -27,7 +27,7 @@ def soles(joint: Walk, time: float) -> list[tuple[np.ndarray, np.ndarray]]:
     speed = max(float(forward_speeds(joint.trajectory, np.array([time]))[0]), 0.0)
     found = []
     for side, shift in SIDES.items():
-        if (joint.phase.at(time) + joint.phase_offset + shift) % 1.0 >= _support(joint.gait.relative_speed(speed)):
+        if (joint.phase.at(time) + joint.phase_offset + shift) % 1.0 >= joint.gait.support(speed):
             continue
         foot = moved[f"{side}_foot"]
         points = foot.pose.apply(SOLE * joint.gait.lengths.foot)

@@ -8,7 +8,7 @@ import pytest
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.scene.actors.model import read_actor_model
 from scarl_sionna.scene.motion.articulation import joints_from_tables
-from scarl_sionna.scene.motion.gait import SEGMENTS, SIDES, SOLE, WalkingGait, _support
+from scarl_sionna.scene.motion.gait import SEGMENTS, SIDES, SOLE, WalkingGait
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, WaypointTrajectory, forward_speeds
 
 STILL, CONTACT = 0.02, 0.01
@@ -26,7 +26,7 @@ def soles(joint, time):
     """By side: whether it is in stance, and heel, ball and toe in the world with their velocities [m, m/s]."""
     moved, pose, twist = joint.motions(time), joint.trajectory.pose(time), joint.trajectory.twist(time)
     speed = max(float(forward_speeds(joint.trajectory, np.array([time]))[0]), 0.0)
-    support = _support(joint.gait.relative_speed(speed))
+    support = joint.gait.support(speed)
     found = {}
     for side, shift in SIDES.items():
         foot = moved[f"{side}_foot"]

@@ -16,6 +16,7 @@ from scarl_sionna.scene.actors.model import ActorModel, actor_names, read_actor_
 from scarl_sionna.scene.materials.table import load_materials
 from scenes_xml import actor_path, person_ages
 from scenes_xml.actors.bodies.companions import MODELS as COMPANIONS
+from scenes_xml.actors.bodies.roles import WALKERS
 from scenes_xml.actors.build import MODELS, build
 from scenes_xml.actors.cars import SHAPES
 from scenes_xml.generators.vehicles.cars import detailed
@@ -57,7 +58,7 @@ def model(name: str) -> ActorModel:
 
 
 def test_every_model_of_the_registry_lies_on_disk_and_no_other():
-    assert set(actor_names()) == {*MODELS, *PEOPLE, *COMPANIONS}
+    assert set(actor_names()) == {*MODELS, *PEOPLE, *WALKERS, *COMPANIONS}
     assert len(PEOPLE) >= 24 and not set(PEOPLE) & set(MODELS)
     assert set(VEHICLES) <= set(NAMES)
 
@@ -97,6 +98,8 @@ def test_the_light_level_has_few_shapes_and_triangles(name):
     count = sum(len(m.faces) for m in detailed.values()), sum(len(m.faces) for m in light.values())
     assert count[1] < count[0] < 20_000
     assert len(light) <= len(detailed)
+    if model(name).semantic == "Pedestrian":
+        assert count[1] < 3_000 and count[0] < 15_000
     if name in VEHICLES:
         assert count[1] < 1_500
         assert len(light) < len(detailed) < 30

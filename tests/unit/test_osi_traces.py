@@ -10,6 +10,7 @@ import pytest
 
 from scarl_sionna.core.errors import TrajectoryFileError
 from scarl_sionna.scenario.motion.tables import read_table
+from scarl_sionna.scenario.traffic.people import person_for
 from scarl_sionna.scenario.traffic.planned import Conversion
 from scarl_sionna.scenario.traffic.recorded.osi import about_trace, read_ground_truth, read_osi
 from tests.osi_traces import DELIVERY_VAN, PEDESTRIAN, Moving, message, truth, view, write_trace
@@ -55,7 +56,7 @@ def test_a_trace_becomes_traffic_and_tracks(tmp_path: Path) -> None:
     assert {name: one.model for name, one in actors.items()} == {
         "7": "small_car",
         "9": "lorry",
-        str(2**40): "adult_man",
+        str(2**40): person_for(str(2**40), height=1.5),
     }
     twist = actors["9"].trajectory.twist(101.5)
     np.testing.assert_allclose(twist.linear, [8.0, 0.0, 0.0], atol=1e-3)

@@ -130,7 +130,7 @@ def test_segments_overlap_where_they_meet(name):
 
 def test_own_lengths_are_checked_and_used():
     gait = walking_gait(1.7, (("upper_leg", 0.44), ("lower_leg", 0.45)))
-    assert gait.lengths.leg == pytest.approx(0.89) and gait.fastest == pytest.approx(2.67)
+    assert gait.lengths.leg == pytest.approx(0.89) and gait.fastest == pytest.approx(6.5 * np.sqrt(0.89 / 0.85))
     assert gait is walking_gait(1.7, (("upper_leg", 0.44), ("lower_leg", 0.45)))
     assert gait.lengths.upper_arm == pytest.approx(0.188 * 1.7)
     with pytest.raises(ParameterRangeError, match="upper_leg"):

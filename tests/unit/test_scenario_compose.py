@@ -217,11 +217,11 @@ BAD = [
         "no ground",
     ),
     (
-        actor(model="child", trajectory="{kind: waypoints, positions: [[0, -8], [0, -2]], speed: 3}"),
+        actor(model="child", trajectory="{kind: waypoints, positions: [[0, -8], [60, -8]], speed: 9}"),
         ScenarioValueError,
         6,
         "actors[0].trajectory",
-        "walking speed",
+        "speed on foot",
     ),
     ("variant: 3\n", ScenarioValueError, 3, "variant", "no variants"),
     ("traffic: {density: 10, mix: {suvv: 1}}\n", ScenarioNameError, 3, "traffic.mix.suvv", "did you mean 'suv'"),

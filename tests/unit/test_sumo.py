@@ -17,15 +17,17 @@ from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.tables import read_table
 from scarl_sionna.scenario.spec.actors import TrafficSpec
+from scarl_sionna.scenario.traffic.people import person_for
 from scarl_sionna.scenario.traffic.planned import Conversion, PlannedActor, lane_ground
-from scarl_sionna.scenario.traffic.recorded.fcd import heading_of_angle, model_of_type, read_fcd
+from scarl_sionna.scenario.traffic.recorded.fcd import heading_of_angle, model_of_record, model_of_type, read_fcd
 from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
+from scenes_xml.actors.bodies.table import PEOPLE, Person
 
 BODIES = {name: ActorBody() for name in ("saloon", "small_car", "suv", "van")} | {
     "bus": ActorBody(12.0, 2.5, 3.0, 6.0, -3.0),
-    "adult_man": ActorBody(0.55, 0.6, 1.75, 0.0, 0.0, "walk"),
+    person_for("p"): ActorBody(0.55, 0.6, 1.75, 0.0, 0.0, "walk"),
 }
 
 
@@ -53,13 +55,38 @@ def test_angles_and_types() -> None:
     assert [model_of_type(name) for name in ("woman_34", "dog", "wheelchair")] == ["woman_34", "dog", "wheelchair"]
 
 
+def test_people_of_a_record_are_of_all_ages() -> None:
+    """The same one for the same name; of the age, sex and about the height that the source says."""
+    rows = {one.name: one for one in PEOPLE}
+    names = [f"p{number}" for number in range(400)]
+
+    def drawn(kind: str, **more: float) -> list[Person]:
+        return [rows[person_for(name, kind, **more)] for name in names]
+
+    anybody = [rows[model_of_record(name, "DEFAULT_PEDTYPE", True)] for name in names]
+    assert anybody == [rows[model_of_record(name, "DEFAULT_PEDTYPE", True)] for name in names]
+    assert len(set(anybody)) == sum(one.years >= 6 for one in PEOPLE)
+    share = np.mean([one.years < 16 for one in anybody])
+    assert abs(share - 0.16) < 5.0 * np.sqrt(0.16 * 0.84 / len(names))
+    assert {one.years < 16 for one in drawn("school_child")} == {True}
+    assert {one.female for one in drawn("womanWithBag")} == {True} and {one.female for one in drawn("man")} == {False}
+    assert {one.years >= 16 for one in drawn("adult_ped")} == {True} and len({*drawn("human")}) > 20
+    assert all(abs(one.height - 1.8) <= 0.15 for one in drawn("", height=1.8))
+    assert (
+        min(one.height for one in drawn("", height=0.9)) == 0.95
+        and max(one.years for one in drawn("", height=0.9)) < 12
+    )
+    assert model_of_record("p", "dog") == "dog" and model_of_record("p", "girl_5") == "girl_5"
+    assert model_of_record("v", "truck_trailer") == "lorry"
+
+
 @pytest.mark.parametrize("suffix", ["fcd.xml", "fcd.xml.gz"])
 def test_fcd_file(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / suffix
     path.write_bytes(gzip.compress(north().encode()) if suffix.endswith("gz") else north().encode())
     actors = {actor.name: actor for actor in read_fcd(path, models=BODIES)}
     car, person = actors["c"], actors["p"]
-    assert car.model == "bus" and person.model == "adult_man"
+    assert car.model == "bus" and person.model == person_for("p")
     # the front bumper is at y = 10 t: the middle of 12 m is 6 m behind; positions are rounded to 5 mm
     assert car.trajectory.pose(3.0).position == pytest.approx([100.0, 30.0 - 6.0, 0.0], abs=0.01)
     assert car.trajectory.pose(3.0).yaw == pytest.approx(np.pi / 2, abs=1e-3)

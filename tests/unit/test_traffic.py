@@ -18,8 +18,9 @@ from scarl_sionna.scenario.motion.routes import Route
 from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scenario.traffic.driver import Driver
 from scarl_sionna.scenario.traffic.drivers import CRITICAL_HEADWAY
+from scarl_sionna.scenario.traffic.people import walkers
 from scarl_sionna.scenario.traffic.planned import PlannedActor
-from scarl_sionna.scenario.traffic.simulated import simulate_traffic, walkers
+from scarl_sionna.scenario.traffic.simulated import simulate_traffic
 from scarl_sionna.scene.actors.model import person_ages, read_actor_model
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, body_of
 from scarl_sionna.scenario.motion.recorded import Record, smooth_record
+from scarl_sionna.scenario.traffic.people import person_for
 from scarl_sionna.scenario.traffic.planned import PlannedActor
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
@@ -30,7 +31,7 @@ _MODELS: Mapping[str, tuple[str, ...]] = {
     "car": ("small_car", "saloon", "estate", "suv", "pickup"), "van": ("van",),
     "truck": ("box_van", "lorry"), "bus": ("bus", "coach"), "tram": ("tram",),
     "motorbike": ("motorcycle",), "bicycle": ("bicycle",), "standup_scooter": ("scooter",),
-    "standupScooter": ("scooter",), "pedestrian": ("child", "adult_woman", "adult_man"),
+    "standupScooter": ("scooter",), "wheelchair": ("wheelchair",), "animal": ("dog",),
 }  # fmt: skip # a table
 _APART = 1e-3
 _STRIDE = 2.0
@@ -58,7 +59,7 @@ def read_openscenario(
         Times [s] at which the motion shall be known at least. None: those of the run, from 0 s on.
     types : mapping or None
         Actor models by the names of entities, by those of their vehicles, or by category, as ``{"car": "suv"}``; others
-        get the model of their category that is nearest in size.
+        get the model of their category that is nearest in size; people are drawn by name among those about as tall.
     models : mapping or None
         Bodies by model name.
 
@@ -141,6 +142,8 @@ def model_of(entity: Entity, types: Mapping[str, str] | None = None) -> str | No
     for text in (entity.properties.get("actor_model", ""), entity.label):
         if text in known:
             return text
+    if entity.category == "pedestrian":
+        return person_for(entity.name, f"{entity.name} {entity.label}", entity.box.height)
     choices = [one for one in _MODELS.get(entity.category, ()) if one in known]
     if entity.kind == "vehicle" and not choices and entity.category not in ("trailer", "semitrailer", "train", "tram"):
         choices = [one for one in _MODELS["car"] if one in known]
@@ -150,8 +153,6 @@ def model_of(entity: Entity, types: Mapping[str, str] | None = None) -> str | No
 
 
 def _difference(entity: Entity, body: ActorBody) -> float:
-    if entity.kind == "pedestrian":
-        return abs(entity.box.height - body.height)
     return abs(entity.box.length - body.length) + 2.0 * abs(entity.box.height - body.height)
 
 

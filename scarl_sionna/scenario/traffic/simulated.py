@@ -20,13 +20,13 @@ from scarl_sionna.scenario.motion.paths import PathTrajectory, SmoothPath, sampl
 from scarl_sionna.scenario.motion.profiles import way_from_states
 from scarl_sionna.scenario.motion.routes import smoothing_of
 from scarl_sionna.scenario.spec.actors import TrafficSpec
-from scarl_sionna.scene.actors.model import person_ages
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
 from .bends import RoutePaths, along_line, line_of
 from .driver import Driver
 from .drivers import PASSES, Crowd, Obstacle, fresh, is_outside, thinned, too_many
+from .people import walkers
 from .planned import PlannedActor, draw_variant
 from .separation import without_collisions
 from .tracks import Track, TrackGraph, track_graph
@@ -38,8 +38,6 @@ DEFAULT_MIX: Mapping[str, float] = {
     "lorry": 0.04, "bus": 0.015, "coach": 0.005,
 }  # fmt: skip # a table
 """Shares of the models among vehicles."""
-CHILDREN = 0.16
-"""Share of those under 16 years among people on foot; all of an age group are equally likely."""
 STEP = 0.1
 """Step of the car-following model [s]."""
 WARM_UP, CHANGING, WAITING = 5.0, 15.0, 30.0
@@ -174,17 +172,6 @@ def _warm_up(network: LaneNetwork) -> float:
     if any(lane.signal or lane.yield_to for lane in lanes):
         return WAITING
     return CHANGING if any(lane.left for lane in lanes) else WARM_UP
-
-
-def walkers() -> dict[str, float]:
-    """Return the share of each person among people on foot, by model."""
-    ages = person_ages()
-    young = [name for name, age in ages.items() if age < 16]
-    old = [name for name in ages if name not in young]
-    return {
-        **dict.fromkeys(young, CHILDREN / len(young)),
-        **dict.fromkeys(old, (1.0 - CHILDREN) / len(old)),
-    }
 
 
 class _Bodies(dict[str, ActorBody]):

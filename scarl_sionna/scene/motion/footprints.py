@@ -61,7 +61,8 @@ def _inside(trajectory: Trajectory, time: float) -> float:
 class FootPrints:
     """Prints of a walker's feet.
 
-    A foot stands below the place where the walker's middle passes it, and points as the walker does then. What lies
+    A foot stands below the place where the walker's middle passes it, a runner's a little before, and points as the
+    walker does then. What lies
     before the start and after the stop of the trajectory is continued at the speed that it has there.
 
     Parameters
@@ -106,8 +107,8 @@ class FootPrints:
     def _print(self, side: str, step: int, near: float) -> tuple[Pose, float]:
         """Return a print, and how far its toes point down [rad]."""
         if (side, step) not in self._known:
-            middle = self._pose(step + MIDSTANCE - SIDES[side], near)
-            beside = middle.apply([0.0, self._gait.step_aside(side), 0.0])
+            middle, ahead = self._pose(step + MIDSTANCE - SIDES[side], near)
+            beside = middle.apply([ahead, self._gait.step_aside(side), 0.0])
             self._known[side, step] = self._standing(Pose(beside, middle.quaternion))
         return self._known[side, step]
 
@@ -131,22 +132,25 @@ class FootPrints:
                 return Pose(moved, place.quaternion), -math.atan(slope[best])
         return place, 0.0
 
-    def _pose(self, phase: float, near: float) -> Pose:
-        """Return where the walker is at a phase, sought from a time near it [s]."""
+    def _pose(self, phase: float, near: float) -> tuple[Pose, float]:
+        """Return where the walker is at a phase, sought from a time near it [s], and how far ahead the foot is [m]."""
         missing = phase - self._phase(near)
         step = math.copysign(_STRIDE, missing)
         for _ in range(_FARTHEST):
             following = _inside(self._trajectory, near + step)
             if (phase - self._phase(following)) * missing <= 0.0:
                 found = brentq(lambda time: self._phase(time) - phase, near, following, xtol=1e-9)
-                return self._trajectory.pose(found)
+                return self._trajectory.pose(found), self._gait.print_ahead(self._speed(found))
             if following == near or not (math.isfinite(self._trajectory.stop) or self._cadence(near)):
                 break
             near = following
         pose, twist, cadence = self._trajectory.pose(near), self._trajectory.twist(near), self._cadence(near)
         ahead = (phase - self._phase(near)) / cadence if cadence > 1e-3 else 0.0
-        return Pose(pose.position + ahead * twist.linear, pose.quaternion)
+        there = Pose(pose.position + ahead * twist.linear, pose.quaternion)
+        return there, self._gait.print_ahead(self._speed(near))
+
+    def _speed(self, time: float) -> float:
+        return max(float(forward_speeds(self._trajectory, np.array([time]))[0]), 0.0)
 
     def _cadence(self, time: float) -> float:
-        speed = float(forward_speeds(self._trajectory, np.array([time]))[0])
-        return self._gait.cadence(max(speed, 0.0))
+        return self._gait.cadence(self._speed(time))

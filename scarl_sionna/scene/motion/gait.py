@@ -1,4 +1,4 @@
-"""How a person walks: the kinematic model of Boulic, Magnenat-Thalmann and Thalmann.
+"""How a person walks, by the kinematic model of Boulic, Magnenat-Thalmann and Thalmann, and runs.
 
 References
 ----------
@@ -13,16 +13,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import CubicSpline
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 
+from .running import Run, changeover, fastest_run
 from .steps import MIDSTANCE, FootPrint, Prints, foot_curves, foot_motion, hip_height, leg_motions
 from .trajectory import Motion
+from .walking import RAD, SIDES, walking_curves, walking_support
 
 Array = npt.NDArray[np.float64]
 
@@ -44,8 +47,8 @@ SEGMENTS = (
 """Rigid parts of a body. The frame of each has its origin at the joint nearer to the pelvis (head: neck; torso, pelvis:
 lower end of the spine), x forward, y left, z up, in which a straight limb hangs along -z and a foot points along x."""
 
-FASTEST = 3.0
-"""Largest speed over leg length [1/s] that the model was made for (2.6 m/s for 1.75 m)."""
+FASTEST_WALK = 3.0
+"""Largest speed over leg length [1/s] that the model of walking was made for (2.6 m/s for 1.75 m)."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ FRACTIONS = {
 
 
 class WalkingGait:
-    """Segments of a walking body as functions of the phase of its gait and its speed.
+    """Segments of a body that walks or runs as functions of the phase of its gait and its speed.
 
     Parameters
     ----------
@@ -93,7 +96,9 @@ class WalkingGait:
     Phase 0 is the right heel's strike; one cycle is two steps. At rest all amplitudes are zero and the body stands. The
     curves are piecewise cubic (C1) in the phase, so velocities are continuous. Trunk and arms, step length, cadence and
     support are those of [1]_; its angles of hip, knee and ankle let a foot slide and hover, so legs follow feet that
-    stand still (`steps`).
+    stand still (`steps`). Above the speeds at which people change over (`running`) somebody runs: cadence, support and
+    the hips' height are then those of `running`, and of one step to the next there is a time without a foot on the
+    ground. Between the two one passes into the other with the speed.
     """
 
     def __init__(self, height: float, own: tuple[tuple[str, float], ...] = ()) -> None:
@@ -108,11 +113,12 @@ class WalkingGait:
                     name, f"{length} m", f"{0.2 * usual:.3f} to {3.0 * usual:.3f} m at this height"
                 )
         self.lengths = BodyLengths(height, own)
+        self._changeover = changeover(self.lengths.leg, FASTEST_WALK)
 
     @property
     def fastest(self) -> float:
         """Largest speed that the model was made for [m/s]."""
-        return float(FASTEST * self.lengths.leg)
+        return fastest_run(self.lengths.leg)
 
     def relative_speed(self, speed: float) -> float:
         """Return the speed over the leg's length, the model's parameter RV [1/s].
@@ -122,16 +128,52 @@ class WalkingGait:
         ParameterRangeError
             If it is faster than people walk.
         """
-        relative = speed / self.lengths.leg
-        if not 0.0 <= relative <= FASTEST:
+        if not 0.0 <= speed <= self.fastest:
             raise ParameterRangeError(
-                "walking speed", f"{speed:.2f} m/s", f"0 to {FASTEST * self.lengths.leg:.2f} m/s at this height"
+                "speed on foot", f"{speed:.2f} m/s", f"0 to {self.fastest:.2f} m/s at this height"
             )
-        return float(relative)
+        return float(speed / self.lengths.leg)
+
+    def run_share(self, relative: float) -> float:
+        """Return how much of a gait is running, at a relative speed [1/s]: 0 for a walk, 1 for a run."""
+        first, last = self._changeover
+        x = min(max((relative - first) / (last - first), 0.0), 1.0)
+        return x * x * (3.0 - 2.0 * x)
 
     def cadence(self, speed: float) -> float:
-        """Return the cycles in a second: RV over the relative cycle length 1.346 sqrt(RV) [1/s]."""
-        return float(np.sqrt(self.relative_speed(speed)) / 1.346)
+        """Return the cycles in a second: RV over the relative cycle length 1.346 sqrt(RV), or that of a run [1/s]."""
+        relative = self.relative_speed(speed)
+        walk, share = float(np.sqrt(relative) / 1.346), self.run_share(relative)
+        if share == 0.0:
+            return walk
+        return (1.0 - share) * walk + share * Run.at(speed, self.lengths.leg).cadence
+
+    def support(self, speed: float) -> float:
+        """Return the part of a cycle for which a foot is on the ground at a speed [m/s]; below a half somebody runs."""
+        return self._support_at(self.relative_speed(speed))
+
+    def _support_at(self, relative: float) -> float:
+        share = self.run_share(relative)
+        if share == 0.0:
+            return walking_support(relative)
+        return (1.0 - share) * walking_support(relative) + share * self._run(relative).support
+
+    def _run(self, relative: float) -> Run:
+        return Run.at(relative * self.lengths.leg, self.lengths.leg)
+
+    def midstance(self, relative: float) -> float:
+        """Return the phase after its strike at which a foot's ankle is below the middle of the body [cycles]."""
+        share = self.run_share(relative)
+        if share == 0.0:
+            return MIDSTANCE
+        return (1.0 - share) * MIDSTANCE + share * _RUN_MIDSTANCE * self._run(relative).support
+
+    def print_ahead(self, speed: float) -> float:
+        """Return how far ahead of the middle a foot stands that struck `MIDSTANCE` of a cycle before [m]."""
+        relative = self.relative_speed(speed)
+        if self.run_share(relative) == 0.0:
+            return 0.0
+        return (self.midstance(relative) - MIDSTANCE) * speed / self.cadence(speed)
 
     def motions(
         self, phase: float, speed: float, acceleration: float = 0.0, prints: Prints | None = None
@@ -161,21 +203,24 @@ class WalkingGait:
         values, rates = self._curves(phase % 1.0, relative)
         rate = {name: slope * cadence for name, slope in rates.items()}
         feet = {side: (phase + shift) % 1.0 for side, shift in SIDES.items()}
-        curves = {side: foot_curves(own, _support(relative), relative) for side, own in feet.items()}
+        curves = {side: self._foot_curves(own, relative) for side, own in feet.items()}
         swings = {side: (curve, slope * cadence) for side, (curve, slope) in curves.items()}
         if change != 0.0:
             step = 1e-4
-            low, high = max(relative - step, 0.0), min(relative + step, FASTEST)
+            low, high = max(relative - step, 0.0), min(relative + step, self.fastest / self.lengths.leg)
             first, second = self._curves(phase % 1.0, low)[0], self._curves(phase % 1.0, high)[0]
             share = change / (high - low)
             rate = {name: slope + (second[name] - first[name]) * share for name, slope in rate.items()}
             for side, own in feet.items():
-                before, after = (foot_curves(own, _support(value), value)[0] for value in (low, high))
+                before, after = (self._foot_curves(own, value)[0] for value in (low, high))
                 swings[side] = swings[side][0], swings[side][1] + (after - before) * share
         prints = self.steady_prints(phase, speed, acceleration) if prints is None else prints
         lengths = self.lengths
         soles = {side: foot_motion(prints[side], *swings[side], lengths.foot, lengths.leg) for side in SIDES}
         return self._chain(values, rate, soles, (relative, change))
+
+    def _foot_curves(self, phase: float, relative: float) -> tuple[Array, Array]:
+        return foot_curves(phase, self._support_at(relative), relative, self.run_share(relative))
 
     def steady_prints(self, phase: float, speed: float, acceleration: float = 0.0) -> Prints:
         """Return the prints of the feet, relative to the walker's frame, of a way straight ahead.
@@ -183,8 +228,10 @@ class WalkingGait:
         Parameters are those of `motions`. While the speed changes, prints of a steady way cannot stay where they are:
         `articulation.Walk` has prints of the true way.
         """
-        leg, cadence = self.lengths.leg, self.cadence(speed)
-        length = 1.346 * math.sqrt(self.relative_speed(speed)) * leg
+        leg, cadence, relative = self.lengths.leg, self.cadence(speed), self.relative_speed(speed)
+        if self.run_share(relative) > 0.0:
+            return self._running_prints(phase, speed, acceleration)
+        length = 1.346 * math.sqrt(relative) * leg
         stretch = 0.0 if acceleration == 0.0 else 0.5 * 1.346 / math.sqrt(max(speed / leg, 1e-9)) * acceleration
         prints = {}
         for side, shift in SIDES.items():
@@ -195,6 +242,44 @@ class WalkingGait:
                 for x in ahead
             )
         return prints  # type: ignore[return-value]  # tuples of two
+
+    def _running_prints(self, phase: float, speed: float, acceleration: float) -> Prints:
+        """Return `steady_prints` of somebody who runs."""
+
+        def place(pace: float, ahead: float) -> float:
+            return (self.midstance(pace / self.lengths.leg) - ahead) * pace / self.cadence(pace)
+
+        step = 1e-4
+        slower, faster = speed - step, min(speed + step, self.fastest)
+        prints = {}
+        for side, shift in SIDES.items():
+            y, pair = self.step_aside(side), []
+            for number in (0.0, 1.0):
+                ahead = (phase + shift) % 1.0 - number
+                rate = -speed + (place(faster, ahead) - place(slower, ahead)) / (faster - slower) * acceleration
+                pair.append(FootPrint(np.array([place(speed, ahead), y, 0.0]), np.array([rate, 0.0, 0.0])))
+            prints[side] = (pair[0], pair[1])
+        return prints
+
+    @cached_property
+    def _run_heights(self) -> CubicSpline:
+        """Hips' height over the ground at the strike [m], by the relative speed: as high as legs reach their feet.
+
+        Over all of a cycle, the body going up and down as it does (`Run.hop`).
+        """
+        lengths, found = self.lengths, []
+        paces = np.linspace(self._changeover[0], self.fastest / lengths.leg, 10)
+        for relative in paces.tolist():
+            run, speed = self._run(relative), relative * lengths.leg
+            least = math.inf
+            for phase in np.linspace(0.0, 1.0, 40, endpoint=False).tolist():
+                curve, slope = self._foot_curves(phase, relative)
+                pair = self._running_prints(phase, speed, 0.0)["right"]
+                x, _, z = foot_motion(pair, curve, slope, lengths.foot, lengths.leg).pose.position.tolist()
+                rise = math.sqrt(max((_RUN_REACH * lengths.leg) ** 2 - x * x, (0.4 * lengths.leg) ** 2))
+                least = min(least, z + rise - run.hop(phase)[0])
+            found.append(least)
+        return CubicSpline(paces, found)
 
     def step_aside(self, side: str) -> float:
         """Return how far to the left of the way a foot steps [m]: below its hip."""
@@ -228,6 +313,8 @@ class WalkingGait:
             step = 1e-3
             higher, _ = hip_height(hips, lengths.leg, softness * (1.0 + step) * lengths.leg)
             climb += (higher - height) / (softness * step) * stiffening
+        if value["run"] > 0.0:
+            height, climb = _lowered((height, climb), value, rate, _SOFT * lengths.leg)
         root = Motion(
             Pose(np.array([value["forward"], value["lateral"], height])),
             Twist(np.array([rate["forward"], rate["lateral"], climb])),
@@ -250,41 +337,28 @@ class WalkingGait:
         return moved
 
     def _curves(self, phase: float, relative: float) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the angles [rad] and translations [m] at a phase, and their derivatives by the phase."""
-        value: dict[str, float] = {}
-        slope: dict[str, float] = {}
-        leg = self.lengths.leg
-        slow = min(relative, 0.5)  # appendix A and B: what grows up to RV = 0.5 and then stays
+        """Return the angles [rad] and translations [m] at a phase, and their derivatives by the phase.
 
-        def sine(name: str, scale: float, offset: float, amplitude: float, cycles: float, lag: float) -> None:
-            angle = 2.0 * math.pi * (cycles * phase - lag)
-            value[name] = scale * (offset + amplitude * math.sin(angle))
-            slope[name] = scale * amplitude * 2.0 * math.pi * cycles * math.cos(angle)
-
-        sway, surge = -0.128 * (slow - slow**2), -0.084 * (slow - slow**2)
-        sine("lateral", leg, 0.0, sway, 1.0, 0.1)
-        support = _support(relative)
-        sine("forward", leg, 0.0, surge, 2.0, -2.0 * (0.625 - support))
-        lean = 8.0 * (slow - slow**2)
-        sine("lean", -RAD, -lean, lean, 2.0, 0.1)
-        sine("pelvis_torsion", RAD, 0.0, 4.0 * relative, 1.0, -0.25)
-        for name, shift in SIDES.items():
-            swing = 9.88 * relative
-            sine(f"{name}_shoulder", -RAD, 3.0 - swing / 2.0, -swing, 1.0, -0.25 - shift)
-        value["pelvis_fall"], slope["pelvis_fall"] = _pelvis_fall(phase, 1.66 * relative * RAD)
-        for name, points in _control_points(relative).items():
-            curve = _Periodic(points)
-            sides = {name: 0.0} if name == "thorax_torsion" else {f"{side}_{name}": SIDES[side] for side in SIDES}
-            for angle_name, shift in sides.items():
-                angle, change = curve.at((phase + shift) % 1.0)
-                value[angle_name] = -RAD * angle
-                slope[angle_name] = -RAD * change
+        Also `run`, the share of running, and where there is some, `above`: the hips' height as runners have it [m].
+        """
+        share = self.run_share(relative)
+        value, slope = walking_curves(phase, min(relative, self._changeover[1]), self.lengths.leg)
+        value["run"], slope["run"] = share, 0.0
+        if share > 0.0:
+            for name, (offset, amplitude, cycles, lag) in _running_sines(self._run(relative)).items():
+                angle = 2.0 * math.pi * (cycles * phase - lag)
+                own = RAD * (offset + amplitude * math.sin(angle))
+                own_slope = RAD * amplitude * 2.0 * math.pi * cycles * math.cos(angle)
+                value[name] = (1.0 - share) * value[name] + share * own
+                slope[name] = (1.0 - share) * slope[name] + share * own_slope
+            hop, hop_slope = self._run(relative).hop(phase)
+            value["above"], slope["above"] = float(self._run_heights(relative)) + hop, hop_slope
         return value, slope
 
 
-SIDES = {"left": 0.5, "right": 0.0}
-"""Sides of the body, and by how much the phase of each is ahead of the gait's [cycles]."""
-RAD = np.pi / 180.0
+_RUN_MIDSTANCE, _RUN_REACH, _SOFT = 0.31, 0.985, 0.004
+"""Of a runner: when the ankle is below the middle, over the time on the ground; how far a leg reaches, over its length;
+below which difference the hips' height passes from one bound to the other, over the leg's length."""
 X, Y, Z = np.eye(3)
 SOLE = np.array([[-0.25, 0.0, -0.25], [0.25, 0.0, -0.25], [0.8, 0.0, -0.25]])
 """Heel, ball and toe of a sole in the frame of a foot, in lengths of the foot."""
@@ -296,12 +370,6 @@ def walking_gait(height: float, own: tuple[tuple[str, float], ...] = ()) -> Walk
     return WalkingGait(height, own)
 
 
-def _support(relative: float) -> float:
-    """Return the relative duration of support at a relative speed [1/s]."""
-    cycle = 1.346 / math.sqrt(max(relative, 1e-3))
-    return (0.752 * cycle - 0.143) / cycle
-
-
 def _softness(relative: float, change: float) -> tuple[float, float]:
     """Return below which difference hips go from one leg to the other, over the leg's length, and its derivative.
 
@@ -310,65 +378,34 @@ def _softness(relative: float, change: float) -> tuple[float, float]:
     return 0.001 + 0.008 * math.tanh(relative), 0.008 * change / math.cosh(relative) ** 2
 
 
-def _pelvis_fall(phase: float, amplitude: float) -> tuple[float, float]:
-    """Return the angle by which the pelvis falls to the side of the swinging leg, appendix B of [1], and its slope."""
-    for start, stop, offset, sign in ((0.0, 0.15, -1, 1), (0.15, 0.5, -1, -1), (0.5, 0.65, 1, -1), (0.65, 1.0, 1, 1)):
-        if phase < stop or stop == 1.0:
-            width = 2.0 * (stop - start)
-            angle = 2.0 * np.pi * (phase - start) / width
-            return (
-                amplitude * float(offset + sign * np.cos(angle)),
-                -amplitude * sign * float(np.sin(angle)) * 2.0 * np.pi / width,
-            )
-    raise AssertionError("a phase lies within 0 to 1")
+def _running_sines(run: Run) -> dict[str, tuple[float, float, float, float]]:
+    """Return trunk and arms of somebody who runs: mean and amplitude [deg], cycles and lag of a sine of the phase.
 
-
-def _control_points(rv: float) -> dict[str, list[tuple[float, float]]]:
-    """Return the control points (phase, angle [deg]) of appendices C and D of [1]; those of legs, see `steps`.
-
-    A limb flexes forward by a negative turn about y.
+    Elbows are bent by a right angle. Our own choice within what people do.
     """
-    slow, middle, fast = min(rv, 0.5), float(np.clip((rv - 0.5) / 0.8, 0.0, 1.0)), max(rv - 1.3, 0.0) / 1.7
-    elbow = [
-        (0.05, 3.0 + 6.0 * slow + 8.0 * middle - 6.0 * fast),
-        (0.5 + 0.01 * middle + 0.04 * fast, 3.0 + 34.0 * slow + 24.0 * middle + 26.0 * fast),
-        (0.9 - 0.1 * fast, 3.0 + 10.0 * slow + 9.0 * middle - 6.0 * fast),
-    ]
-    thorax = [(0.1, 4.0 / 3.0 * rv), (0.4, -1.5 * rv), (0.6, -4.0 / 3.0 * rv), (0.9, 1.5 * rv)]
-    return {"elbow": elbow, "thorax_torsion": thorax}
+    swing = 60.0 * (1.0 - 1.2 * run.support)
+    found = {"lean": (7.0, 1.5, 2.0, 0.1), "pelvis_torsion": (0.0, 9.0, 1.0, -0.25)}
+    found |= {"thorax_torsion": (0.0, -9.0, 1.0, -0.25)}
+    for side, shift in SIDES.items():
+        found[f"{side}_shoulder"] = (16.0, swing, 1.0, -0.25 - shift)
+        found[f"{side}_elbow"] = (-92.0, 12.0, 1.0, -0.25 - shift)
+    return found
 
 
-class _Periodic:
-    """Monotone cubic through control points that repeat every cycle, with its derivative, for one phase."""
+def _lowered(
+    ridden: tuple[float, float], value: dict[str, float], rate: dict[str, float], soft: float
+) -> tuple[float, float]:
+    """Return height and climb of the hips [m, m/s] of somebody who runs.
 
-    def __init__(self, points: list[tuple[float, float]]) -> None:
-        self._points = sorted(points)
-        first, last = self._points[0], self._points[-1]
-        self._knots = [(last[0] - 1.0, last[1]), *self._points, (first[0] + 1.0, first[1])]
-
-    def at(self, phase: float) -> tuple[float, float]:
-        """Return value and slope at a phase [cycles]."""
-        count, start = len(self._points), self._points[0][0]
-        phase = start + (phase - start) % 1.0
-        number = sum(knot[0] <= phase for knot in self._points) - 1  # of the last knot before
-        (x0, y0), (x1, y1) = self._knots[number + 1], self._knots[number + 2]
-        width = x1 - x0
-        slope = (y1 - y0) / width
-        d0, d1 = self._derivative(number % count), self._derivative((number + 1) % count)
-        c, b = (3.0 * slope - 2.0 * d0 - d1) / width, (d0 + d1 - 2.0 * slope) / width**2
-        step = phase - x0
-        return y0 + step * (d0 + step * (c + step * b)), d0 + step * (2.0 * c + 3.0 * step * b)
-
-    def _derivative(self, number: int) -> float:
-        """Return the derivative at a knot by Fritsch and Butland.
-
-        The weighted harmonic mean of the slopes on both sides.
-        """
-        (x0, y0), (x1, y1) = self._knots[number], self._knots[number + 1]
-        x2, y2 = self._knots[number + 2]
-        before, after = x1 - x0, x2 - x1
-        first, second = (y1 - y0) / before, (y2 - y1) / after
-        if first * second <= 0.0:
-            return 0.0
-        w1, w2 = 2.0 * after + before, after + 2.0 * before
-        return (w1 + w2) / (w1 / first + w2 / second)
+    As high as runners are, no higher than the legs reach (`ridden`, of somebody who walks), which takes over gradually.
+    """
+    over = (ridden[0] - value["above"]) / soft
+    share = 1.0 / (1.0 + math.exp(min(over, 700.0)))  # of the bound by the legs
+    lowest = min(ridden[0], value["above"])
+    height = lowest - soft * math.log1p(math.exp(-abs(over)))
+    climb = share * ridden[1] + (1.0 - share) * rate["above"]
+    run = value["run"]
+    return (
+        (1.0 - run) * ridden[0] + run * height,
+        (1.0 - run) * ridden[1] + run * climb + rate["run"] * (height - ridden[0]),
+    )

@@ -29,6 +29,10 @@ REACH = 0.9985
 _EDGE = 12
 """A foot that goes up does so early, and one that goes down late, so that it clears the edge between: by this power of
 the way that is left, or done."""
+_KICK = 0.30 / 0.035
+"""Largest lift of a runner's foot over that of a walker's."""
+_JERK = 0.06
+"""Part of the swing in which a runner's foot gets its speed, and in which it loses it."""
 _HEEL, _TOE = (-0.25, -0.25), (0.8, -0.25)
 """x and z of the ends of the sole in the frame of a foot, in its length."""
 _X, _Y, _ = np.eye(3)
@@ -61,7 +65,7 @@ Prints = Mapping[str, tuple[FootPrint, FootPrint]]
 """By side, the print of the last strike and the next one."""
 
 
-def foot_curves(phase: float, support: float, relative: float) -> tuple[Array, Array]:
+def foot_curves(phase: float, support: float, relative: float, run: float = 0.0) -> tuple[Array, Array]:
     """Return how a foot rolls and swings, and the derivative by the phase.
 
     Parameters
@@ -72,6 +76,9 @@ def foot_curves(phase: float, support: float, relative: float) -> tuple[Array, A
         Part of the cycle for which the foot is on the ground.
     relative : float
         Speed over the length of the leg [1/s].
+    run : float
+        0 for somebody who walks, 1 for who runs: the foot rolls more over the toe and less over the heel, and swings
+        with the heel high.
 
     Returns
     -------
@@ -79,15 +86,21 @@ def foot_curves(phase: float, support: float, relative: float) -> tuple[Array, A
         Roll over the toe and roll over the heel [rad], way to the next print (0 to 1) and lift over the leg's length.
     """
     swing, size = 1.0 - support, math.tanh(relative)
-    rise, peak, level = 0.52 * support, support + 0.08 * swing, support + 0.6 * swing
+    rise = (0.52 - 0.17 * run) * support
+    peak, level = support + (0.08 + 0.04 * run) * swing, support + (0.6 + 0.25 * run) * swing
     toe = _hill(phase, rise, peak, level)
     heel = _hill(phase, 1.0 - 0.4 * swing, 1.0, 1.0 + 0.17 * support)
     if phase < 0.5 * support:
         heel = _hill(phase + 1.0, 1.0 - 0.4 * swing, 1.0, 1.0 + 0.17 * support)
-    way = _smooth((phase - support) / swing)
     u = min(max((phase - support) / swing, 0.0), 1.0)
+    way = _smooth(u)
     lift = 16.0 * (u * (1.0 - u)) ** 2, 32.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / swing
-    scale = np.array([math.radians(60.0) * size, math.radians(20.0) * size, 1.0, 0.035 * size])
+    scale = np.array([math.radians(60.0 + 20.0 * run) * size, math.radians(20.0 - 8.0 * run) * size, 1.0, 0.035 * size])
+    if run > 0.0:  # highest before the middle of the swing, and the more so the faster
+        skew, more, hard = 1.5 - u, _KICK * math.tanh(relative / 5.0), _jerked(u)
+        kick = more * lift[0] * skew, more * (lift[1] * skew - lift[0] / swing)
+        lift = (1.0 - run) * lift[0] + run * kick[0], (1.0 - run) * lift[1] + run * kick[1]
+        way = (1.0 - 0.5 * run) * way[0] + 0.5 * run * hard[0], (1.0 - 0.5 * run) * way[1] + 0.5 * run * hard[1]
     values = np.array([toe[0], heel[0], way[0], lift[0]])
     slopes = np.array([toe[1], heel[1], way[1] / swing, lift[1]])
     return values * scale, slopes * scale
@@ -97,6 +110,15 @@ def _smooth(x: float) -> tuple[float, float]:
     """Return the cubic step from 0 to 1, and its slope."""
     x = min(max(x, 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x)
+
+
+def _jerked(x: float) -> tuple[float, float]:
+    """Return a step from 0 to 1 at an even speed but for a start and an end of `_JERK` each, and its slope."""
+    if x > 0.5:
+        value, slope = _jerked(1.0 - x)
+        return 1.0 - value, slope
+    top = 1.0 / (1.0 - _JERK)
+    return (0.5 * top * x * x / _JERK, top * x / _JERK) if x < _JERK else (top * (x - 0.5 * _JERK), top)
 
 
 def _hill(x: float, start: float, top: float, stop: float) -> tuple[float, float]:

@@ -15,8 +15,9 @@ from ...generators.xml import Bsdf
 from ..materials import VEHICLE
 from ..model import Color, Model, Part, bounds
 from ..people import bag, tinted
-from .family import CREASE, LICENSE, SOURCE, colors, looks
+from .family import CREASE, LICENSE, SOURCE, colors, looks, role_colors
 from .postures import Pose, frames, packed_lengths, posed, shifted
+from .roles import STANDING, Role
 from .table import PEOPLE
 
 Parts = dict[str, tuple[Mesh, str]]
@@ -32,6 +33,8 @@ THINGS: dict[str, Bsdf] = {
         floats={"roughness": 0.9, "specular": 0.1, "sheen": 0.3},
     ),
 }  # fmt: skip # a table
+STANCE_DEG = 5.0
+"""How far the legs of the adult who stands are apart, each from the vertical."""
 SEAT = 0.50
 """Height of the wheelchair's seat [m]."""
 
@@ -74,8 +77,12 @@ def _person(
     person: str,
     pose: Pose,
     joints: Callable[[str, Parts], list[Mapping[str, Any]]] | None = None,
+    role: Role | None = None,
 ) -> Model:
-    """Return a model of a person of the family in a posture, its box in the middle of its frame."""
+    """Return a model of a person of the family in a posture, its box in the middle of its frame.
+
+    Colours are those of `role`, if given.
+    """
     levels = tuple(posed(person, pose, light) for light in (False, True))
     points = np.concatenate([mesh.vertices for mesh, _ in levels[0].values()])
     offset = [-0.5 * (points[:, 0].min() + points[:, 0].max()), -0.5 * (points[:, 1].min() + points[:, 1].max()), 0.0]
@@ -86,7 +93,22 @@ def _person(
     made = [] if joints is None else joints(person, moved[0])
     for row in made:
         row["center"] = [round(float(value), 4) for value in np.array(row["center"]) + offset]  # type: ignore[index]
-    return _model(head, (moved[0], moved[1]), colors(*_row(person)), made, person)
+    variants = colors(*_row(person)) if role is None else role_colors(role)
+    return _model(head, (moved[0], moved[1]), variants, made, person)
+
+
+def standing_adult() -> Model:
+    """Return a man of 27 who stands, feet apart, and looks at a telephone before his chest."""
+    turns = {
+        "right_upper_arm": (-12.0, -6.0), "right_lower_arm": (-128.0, 24.0), "left_upper_arm": (6.0, 8.0),
+        "left_lower_arm": (-14.0, 2.0), "head": (22.0, 0.0), "torso": (-1.0, 0.0),
+        **{f"left_{part}": (0.0, STANCE_DEG) for part in ("upper_leg", "lower_leg")},
+        **{f"right_{part}": (0.0, -STANCE_DEG) for part in ("upper_leg", "lower_leg")},
+    }  # fmt: skip # a table
+    lengths = packed_lengths(STANDING.person)
+    leg = lengths["upper_leg"] + lengths["lower_leg"]
+    pose = Pose(turns, 0.25 * lengths["foot"] + leg * float(np.cos(np.radians(STANCE_DEG))))
+    return _person("standing_adult", STANDING.title, STANDING.person, pose, None, STANDING)
 
 
 def standing_child() -> Model:
@@ -148,17 +170,18 @@ def _wheels(sides: Mapping[str, tuple[float, float, float]], light: bool) -> tup
         for side, sign in (("left", 1.0), ("right", -1.0)):
             centre = (x, sign * half, radius)
             shape = f"wheel_{name}_{side}"
-            around = 12 if light else 36
-            thick = 0.012 if radius > 0.2 else 0.016
-            tyre = ring(radius - thick, thick, thick, around, 4 if light else 8)
-            hub = disc(0.35 * radius if radius < 0.2 else 0.05, 0.03, 6 if light else 10)
+            is_large = radius > 0.2
+            around, spokes = (12 if is_large else 8, 4 if is_large else 0) if light else (36, 12)
+            thick = 0.012 if is_large else 0.016
+            tyre = ring(radius - thick, thick, thick, around, 3 if light else 8)
+            hub = disc(0.05 if is_large else (0.8 if light else 0.35) * radius, 0.03, 4 if light else 10)
             wires = [
                 tube(
                     np.array([[0.0, 0.0, 0.0], [(radius - thick) * np.cos(a), 0.0, (radius - thick) * np.sin(a)]]),
                     0.004,
                     3,
                 )
-                for a in np.arange(6 if light else 12) * 2.0 * np.pi / (6 if light else 12)
+                for a in np.arange(spokes) * 2.0 * np.pi / max(spokes, 1)
             ]
             parts[f"{shape}_tyre"] = (tyre.moved(centre), "tyre_rubber")
             parts[f"{shape}_rim"] = (merge([hub, *wires]).moved(centre), "frame_steel")
@@ -170,15 +193,18 @@ def _wheels(sides: Mapping[str, tuple[float, float, float]], light: bool) -> tup
 
 def _chair(light: bool) -> Mesh:
     """Return frame, arm rests, handles and foot plates of a wheelchair."""
-    plates, lines, sides = [], [], 4 if light else 8
+    plates, lines, sides = [], [], 3 if light else 8
     for y in (-0.23, 0.23):
         lines += [
             ((-0.24, y, 0.30), (-0.24, y, 0.92), 0.012), ((-0.24, y, 0.92), (-0.36, y, 0.94), 0.014),
             ((-0.24, y, SEAT - 0.04), (0.22, y, SEAT - 0.04), 0.012), ((-0.24, y, 0.30), (0.24, y, 0.30), 0.012),
-            ((0.22, y, SEAT - 0.04), (0.36, y * 0.6, 0.13), 0.012), ((0.24, y, 0.30), (0.24, y, 0.16), 0.012),
-            ((-0.22, y, 0.71), (0.12, y, 0.71), 0.018), ((0.12, y, 0.71), (0.12, y, SEAT - 0.04), 0.012),
+            ((0.22, y, SEAT - 0.04), (0.36, y * 0.6, 0.13), 0.012), ((-0.22, y, 0.71), (0.12, y, 0.71), 0.018),
+        ]  # fmt: skip # a table
+        small = [
+            ((0.24, y, 0.30), (0.24, y, 0.16), 0.012), ((0.12, y, 0.71), (0.12, y, SEAT - 0.04), 0.012),
             ((-0.2, -y, 0.315 + 0.02 * y), (0.1, y, SEAT - 0.045 + 0.02 * y), 0.01),
         ]  # fmt: skip # a table
+        lines += [] if light else small
         plates.append(box((0.20, 0.14, 0.012), (0.43, 0.55 * y, 0.125)))
     return merge([*plates, *(bar(start, stop, thick, sides) for start, stop, thick in lines)])
 
@@ -296,6 +322,7 @@ LEGS = (("front_left", 0.24, 0.075, 0.0), ("front_right", 0.24, -0.075, 0.5), ("
         ("hind_right", -0.26, -0.07, 0.75))  # fmt: skip # a table
 """Name, place of the hip or shoulder [m] and phase of each leg [cycles]."""
 MODELS: dict[str, Callable[[], Model]] = {
-    model.__name__: model for model in (standing_child, waving_woman, sitting_man, wheelchair, pram, dog)
+    model.__name__: model
+    for model in (standing_adult, standing_child, waving_woman, sitting_man, wheelchair, pram, dog)
 }
 """Name of each model -> the function that makes it."""

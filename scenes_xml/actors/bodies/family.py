@@ -15,6 +15,7 @@ from ...generators.xml import Bsdf
 from ..model import Color, Model, Part, write_model
 from ..people import bare, cloth, hair, shoes
 from .packed import PACK, Bodies, read_bodies
+from .roles import WALKERS, Role
 from .table import PEOPLE, Person
 
 LICENSE = "Apache-2.0 AND CC0-1.0"
@@ -45,12 +46,12 @@ packed_bodies = lru_cache(maxsize=1)(read_bodies)
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all models: people who walk, and companions."""
-    return (*(person.name for person in PEOPLE), *_companions())
+    """Return the names of all models: people who walk, those among them who have a role too, and companions."""
+    return (*(person.name for person in PEOPLE), *WALKERS, *_companions())
 
 
 def ages() -> dict[str, int]:
-    """Return the ages [years] of all models by name, the youngest first."""
+    """Return the ages [years] of the people by name, the youngest first."""
     return {person.name: person.years for person in PEOPLE}
 
 
@@ -137,6 +138,13 @@ def colors(person: Person, number: int) -> dict[str, dict[str, Color]]:
     return found
 
 
+def role_colors(role: Role) -> dict[str, dict[str, Color]]:
+    """Return the variants of a role: its own clothes on the person that it is."""
+    number = next(number for number, person in enumerate(PEOPLE) if person.name == role.person)
+    own = next(iter(colors(PEOPLE[number], number).values()))
+    return {variant: {**own, **worn} for variant, worn in role.colors.items()}
+
+
 def _rounded(color: Array) -> Color:
     red, green, blue = np.round(np.clip(color, 0.0, 1.0), 3).tolist()
     return red, green, blue
@@ -179,23 +187,24 @@ def measures(
 
 
 def make(name: str) -> Model:
-    """Return the model of a person."""
-    number, bodies = names().index(name), packed_bodies()
+    """Return the model of a person, or of a role."""
+    role, bodies = WALKERS.get(name), packed_bodies()
+    number = names().index(name if role is None else role.person)
     person = PEOPLE[number]
-    row, worn = bodies.names.index(name), outfit(person.top, person.bottom, person.hair, person.long_hair)
+    row, worn = bodies.names.index(person.name), outfit(person.top, person.bottom, person.hair, person.long_hair)
     levels: dict[str, dict[str, Part]] = {}
     for level, (detail, plain) in enumerate((("detailed", ()), ("light", PLAIN))):
         body = surface(bodies, row, level)
         levels[detail] = {shape: Part(mesh, slot, CREASE) for shape, (mesh, slot) in dressed(body, worn, plain).items()}
     lengths = bodies.lengths[row]
     length, width, height = measures(lengths, levels, origins(lengths))
-    variants = colors(person, number)
+    variants = colors(person, number) if role is None else role_colors(role)
     materials = looks(next(iter(variants.values())))
     used = {part.bsdf for parts in levels.values() for part in parts.values()}
     kind = ("Girl" if person.female else "Boy") if person.years < 18 else ("Woman" if person.female else "Man")
     head = {
         "name": name,
-        "title": f"{kind} of {person.years}",
+        "title": f"{kind} of {person.years}" if role is None else role.title,
         "class": "Pedestrian",
         "motion": "walk",
         "age": person.years,

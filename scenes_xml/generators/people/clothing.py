@@ -31,16 +31,6 @@ def jacket_hem(shape: BodyShape, light: bool = False) -> Mesh:
     return _skirt([rows[k] for k in (0, 3, 6)] if light else rows, shape, light)
 
 
-def coat_hem(shape: BodyShape, light: bool = False) -> Mesh:
-    """Return the lower part of a coat that ends above the knees; it goes with the pelvis."""
-    rows = [
-        (-0.155, 0.124, 0.124, 0.008), (-0.147, 0.125, 0.125, 0.008), (-0.08, 0.104, 0.124, 0.004), (-0.03, 0.088,
-        0.122, 0.002),
-        (0.015, 0.073, 0.113, 0.0), (0.050, 0.064, 0.095, 0.0), (0.075, 0.058, 0.081, 0.0), (0.085, 0.050, 0.070, 0.0),
-    ]  # fmt: skip # a table
-    return _skirt([rows[k] for k in (0, 3, 7)] if light else rows, shape, light)
-
-
 def collar(shape: BodyShape) -> Mesh:
     """Return a collar; it goes with the torso."""
     h, g = shape.height, shape.height * shape.build
@@ -51,24 +41,6 @@ def collar(shape: BodyShape) -> Mesh:
         (0.338, 0.037, 0.040, -0.003),
     ]
     return loft(np.array([(z * h, a * g, b * g, x * h, 0.0) for z, a, b, x in rows]), 20, 2.2)
-
-
-def long_hair(shape: BodyShape, light: bool = False) -> Mesh:
-    """Return hair down to the shoulders; it goes with the head."""
-    h = shape.height * shape.head_scale
-    rows, segments = (3, 12) if light else (12, 20)
-    cap = ellipsoid(
-        (-0.003 * h, 0.0, 0.084 * h), (0.0550 * h, 0.0490 * h, 0.0640 * h), low=0.05, rows=rows, segments=segments
-    )
-    fall = [
-        (0.100, 0.034, 0.047, -0.022), (0.06, 0.037, 0.049, -0.024), (0.01, 0.032, 0.050, -0.028), (-0.03, 0.024,
-        0.050, -0.034),
-        (-0.055, 0.016, 0.044, -0.038), (-0.062, 0.006, 0.030, -0.038),
-    ]  # fmt: skip # a table
-    if light:
-        fall = [fall[k] for k in (0, 2, 4)]
-    back = loft(np.array([(z * h, a * h, b * h, x * h, 0.0) for z, a, b, x in fall]), segments, 2.3)
-    return merge([cap, back])
 
 
 def backpack(shape: BodyShape, light: bool = False) -> Mesh:
@@ -101,23 +73,6 @@ def backpack(shape: BodyShape, light: bool = False) -> Mesh:
         straps.append(tube(path, 0.006 * h, 6))
     pocket = box((0.02 * h, 0.11 * h, 0.075 * h), (-0.112 * g - 0.052 * h, 0.0, 0.10 * h))
     return merge([sack, pocket, *straps])
-
-
-def shoulder_bag(shape: BodyShape, light: bool = False) -> Mesh:
-    """Return a bag that hangs at the left hip from the right shoulder; it goes with the torso."""
-    h, g = shape.height, shape.height * shape.build
-    where = np.array([0.0, 0.120 * g * max(shape.hips, 1.0), -0.035 * h])
-    rows = [(-0.055, 0.075, 0.022), (-0.045, 0.084, 0.028), (0.03, 0.080, 0.024), (0.045, 0.074, 0.014)]
-    sack = loft(
-        np.array([(where[2] + z * h, a * h, b * h, 0.0, where[1]) for z, a, b in rows]), 8 if light else 18, 4.0
-    )
-    if light:
-        return sack
-    way = [
-        (0.0, 0.128, 0.01), (0.045, 0.105, 0.08), (0.071, 0.045, 0.17), (0.070, -0.02, 0.245), (0.020, -0.068, 0.303),
-        (-0.030, -0.062, 0.300), (-0.072, -0.01, 0.24), (-0.072, 0.05, 0.16), (-0.045, 0.108, 0.08), (0.0, 0.128, 0.01),
-    ]  # fmt: skip # a table
-    return merge([sack, tube(np.array([(x * g, y * g, z * h) for x, y, z in way]), 0.005 * h, 6)])
 
 
 def bicycle_helmet(shape: BodyShape, light: bool = False) -> Mesh:

@@ -17,17 +17,19 @@ from scarl_sionna.scenario.motion.recorded import Record, smooth_record
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 
+from ..people import person_for
 from ..planned import Conversion, Ground, PlannedActor
 
 if TYPE_CHECKING:
     from commonroad.scenario.obstacle import Obstacle
 
 MODELS: Mapping[str, str] = {
-    "car": "saloon", "truck": "lorry", "bus": "bus", "bicycle": "bicycle", "pedestrian": "adult_man",
-    "priorityVehicle": "van",
+    "car": "saloon", "truck": "lorry", "bus": "bus", "bicycle": "bicycle", "priorityVehicle": "van",
     "parkedVehicle": "saloon", "motorcycle": "motorcycle", "taxi": "saloon",
 }  # fmt: skip # a table
-"""Actor models of CommonRoad's types of obstacles; others (buildings, pillars, trains) are left out."""
+"""Actor models of CommonRoad's types of obstacles; others (buildings, pillars, trains) are left out. Pedestrians are
+people of all ages by their numbers."""
+_ON_FOOT = "pedestrian"
 
 
 def read_commonroad(
@@ -107,9 +109,9 @@ def _actor(
     obstacle: Obstacle, step: float, span: tuple[float, float] | None, height: Ground | None, conversion: Conversion
 ) -> PlannedActor:
     name, kind = f"obstacle_{obstacle.obstacle_id}", str(obstacle.obstacle_type.value)
-    model = (conversion.types or {}).get(kind) or MODELS.get(kind)
+    model = (conversion.types or {}).get(kind) or (person_for(name) if kind == _ON_FOOT else MODELS.get(kind))
     if model is None:
-        raise ParameterRangeError("type", kind, ", ".join(MODELS), "name a model for it in `types`")
+        raise ParameterRangeError("type", kind, ", ".join((*MODELS, _ON_FOOT)), "name a model for it in `types`")
     body = body_of(model, conversion.models)
     prediction = getattr(obstacle, "prediction", None)
     states = [

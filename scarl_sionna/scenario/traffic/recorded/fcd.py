@@ -21,6 +21,7 @@ from scarl_sionna.scenario.motion.recorded import KNOT_TIME, Record, smooth_reco
 from scarl_sionna.scene.actors.model import actor_names
 from scarl_sionna.scene.lanes import LaneNetwork
 
+from ..people import person_for
 from ..planned import Conversion, Ground, PlannedActor, draw_variant
 
 MOST_RECORD_BYTES = 2000 * MEGABYTE
@@ -33,9 +34,10 @@ _WORDS = (
     ("emergency", "van"), ("motorcycle", "motorcycle"), ("moped", "scooter"), ("scooter", "scooter"), ("bike",
     "bicycle"), ("bicycle", "bicycle"),
     ("suv", "suv"), ("wagon", "estate"), ("hatchback", "small_car"), ("small", "small_car"),
-    ("child", "child"), ("ped", "adult_man"), ("person", "adult_man"),
-    ("woman", "adult_woman"),
+    ("child", "child"), ("woman", "adult_woman"), ("ped", "adult_man"), ("person", "adult_man"),
 )  # fmt: skip # a table
+_ROLES = ("adult_man", "adult_woman", "child")
+"""Models that stand for somebody on foot of whom no more is known."""
 Samples = dict[str, list[tuple[float, float, float, float, float]]]
 """By name: time [s], x, y, z [m], angle [deg, clockwise from north]."""
 
@@ -43,7 +45,7 @@ Samples = dict[str, list[tuple[float, float, float, float, float]]]
 def model_of_type(kind: str, is_person: bool = False) -> str:
     """Return the actor model for the name of a type of another program: the model of that name, or by its words.
 
-    Else a saloon.
+    Else a saloon; `model_of_record` draws people.
     """
     name = kind.lower()
     if name in actor_names():
@@ -52,6 +54,15 @@ def model_of_type(kind: str, is_person: bool = False) -> str:
         if word in name:
             return model
     return "adult_man" if is_person else "saloon"
+
+
+def model_of_record(name: str, kind: str, is_person: bool = False) -> str:
+    """Return the actor model of a road user by its name and that of its type; people are of all ages.
+
+    See :func:`scarl_sionna.scenario.traffic.people.person_for`. A type by the name of one of them is that one.
+    """
+    model = model_of_type(kind, is_person)
+    return person_for(name, kind) if model in _ROLES else model
 
 
 def heading_of_angle(angle_deg: float) -> float:
@@ -82,7 +93,7 @@ def read_fcd(
         (N, 2). None: the file's, 0 where it has none.
     types : mapping or None
         Actor models by SUMO's type names; None, or a type that it lacks: by the words in its name
-        (:func:`model_of_type`).
+        (:func:`model_of_type`), people one by one (:func:`model_of_record`).
     models : mapping or None
         Bodies by model name; None, or a name that it lacks: the actor model of that name.
     offset : (float, float)
@@ -135,7 +146,7 @@ def planned_from_samples(
         if len(rows) < 2:
             left_out.append(name)
             continue
-        model = (conversion.types or {}).get(kind) or model_of_type(kind, is_person)
+        model = (conversion.types or {}).get(kind) or model_of_record(name, kind, is_person)
         body = body_of(model, models)
         points = rows[:, 1:4] + [offset[0], offset[1], 0.0]
         if height is not None:

@@ -18,6 +18,7 @@ from scarl_sionna.scenario.motion.bodies import ActorBody, body_of
 from scarl_sionna.scenario.motion.recorded import KNOT_TIME, Record, smooth_record
 from scarl_sionna.scene.actors.model import ActorModel, read_actor_model
 from scarl_sionna.scene.motion.trajectory import Trajectory
+from scenes_xml.actors.bodies.roles import WALKERS
 
 from ..planned import Conversion, PlannedActor
 from .fcd import planned_from_record
@@ -78,7 +79,8 @@ def model_for(track: Track, models: Sequence[ActorModel] | None = None) -> str |
         return None
     pool = [read_actor_model(name) for name in scenes_xml.actor_names()] if models is None else models
     moves = _extent(track.boxes) > _STANDS
-    fitting = [one for one in pool if one.semantic in CLASSES[key] and one.name not in (*NAMED.values(), _SITTING)]
+    others = (*NAMED.values(), _SITTING, *WALKERS)
+    fitting = [one for one in pool if one.semantic in CLASSES[key] and one.name not in others]
     fitting = [one for one in fitting if not (moves and one.motion == "stand")]
 
     def misfit(model: ActorModel) -> float:

@@ -17,6 +17,7 @@ from scarl_sionna.core.errors import TrajectoryFileError
 from scarl_sionna.core.packages import require
 from scarl_sionna.core.pose import Pose
 
+from ..people import person_for
 from ..planned import Conversion, PlannedActor
 from .fcd import MOST_SAMPLES, Samples, planned_from_samples
 from .osi_trace import TracedObject, TracedTruth, Triple, read_trace
@@ -35,7 +36,7 @@ MODELS = {
     "vehicle.bus": "bus",
     "pedestrian": "adult_man",
 }
-"""Actor models by kind; other kinds are a saloon."""
+"""Actor models by kind; other kinds are a saloon. Pedestrians of a trace are people of all ages by their numbers."""
 HOST = "ego"
 """Name of the host vehicle of a trace where motion is taken by name."""
 
@@ -179,6 +180,13 @@ def about_trace(path: str | Path) -> tuple[float, float, str | None]:
     return start, stop, host
 
 
+def _model(one: MovingState, types: Mapping[str, str] | None) -> str:
+    """Return the model of an object of a trace: of somebody on foot, a person about as tall as the box."""
+    if one.kind == "pedestrian" and one.kind not in (types or {}):
+        return person_for(one.name, height=one.height)
+    return one.model(types)
+
+
 def read_osi(
     path: str | Path, *, span: tuple[float, float] | None = None, conversion: Conversion | None = None
 ) -> list[PlannedActor]:
@@ -191,7 +199,8 @@ def read_osi(
     span : (float, float) or None
         As of :func:`scarl_sionna.scenario.traffic.recorded.fcd.read_fcd`.
     conversion : Conversion, optional
-        `types` by kind, as ``{"vehicle.car": "suv"}``; else :data:`MODELS`.
+        `types` by kind, as ``{"vehicle.car": "suv"}``; else :data:`MODELS`, and for pedestrians
+        :func:`scarl_sionna.scenario.traffic.people.person_for`.
 
     Returns
     -------
@@ -227,7 +236,8 @@ def read_osi(
             forward = one.centre.rotation[:, 0]
             angle = 90.0 - float(np.degrees(np.arctan2(forward[1], forward[0])))
             samples.setdefault(one.name, []).append((time, x, y, z, angle))
-            kinds[one.name] = (one.model(conversion.types), one.kind == "pedestrian")
+            if one.name not in kinds:
+                kinds[one.name] = (_model(one, conversion.types), one.kind == "pedestrian")
     if not samples:
         raise TrajectoryFileError("holds no moving object", path, "give a trace of ground truth with moving objects")
     as_they_are = replace(conversion, types={model: model for model, _ in kinds.values()})
