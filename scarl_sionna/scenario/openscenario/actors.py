@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, body_of
-from scarl_sionna.scenario.motion.recorded import Record, smooth_record
+from scarl_sionna.scenario.motion.recorded import Record, Smoothed, smooth_record
 from scarl_sionna.scenario.traffic.people import person_for
 from scarl_sionna.scenario.traffic.planned import PlannedActor
 from scarl_sionna.scene.motion.trajectory import Trajectory
@@ -92,7 +93,18 @@ def planned_actors(
     models: Mapping[str, BodyLike] | None = None,
 ) -> list[PlannedActor]:
     """Return the entities of a drive; arguments as of :func:`read_openscenario`."""
-    actors, left_out = [], []
+    return [actor for own in _by_entity(drive, span, types, models).values() for actor in own]
+
+
+def _by_entity(
+    drive: Drive,
+    span: tuple[float, float] | None = None,
+    types: Mapping[str, str] | None = None,
+    models: Mapping[str, BodyLike] | None = None,
+) -> dict[str, list[PlannedActor]]:
+    """Return the actors of each entity of a drive."""
+    actors: dict[str, list[PlannedActor]] = {}
+    left_out = []
     for name, entity in drive.entities.items():
         track = drive.run.tracks[name]
         if not track:
@@ -101,12 +113,12 @@ def planned_actors(
         if model is None:
             left_out.append(f"'{name}' ({entity.category})")
             continue
-        actors.append(_actor(drive, entity, track, model, body_of(model, models), span))
+        actors[name] = _actors(drive, entity, track, model, body_of(model, models), span)
     if left_out:
         warnings.warn(
             f"no actor model stands for {', '.join(left_out[:5])} of {drive.path.name}: left out",
             ScarlWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
     return actors
 
@@ -120,7 +132,8 @@ def entity_tracks(path: Path, map_file: Path | None) -> dict[str, Trajectory]:
         As of :func:`read_openscenario`.
     """
     drive = read_drive(path, map_file)
-    found = {actor.name: actor.trajectory for actor in planned_actors(drive)}
+    alone = (own[0] for own in _by_entity(drive).values() if len(own) == 1)  # a motion is one way
+    found = {actor.name: actor.trajectory for actor in alone}
     if drive.hero is not None and actor_name(drive.hero) in found:
         found.setdefault(HOST, found[actor_name(drive.hero)])
     return {**found, **{name: found[actor_name(name)] for name in drive.entities if actor_name(name) in found}}
@@ -156,38 +169,63 @@ def _difference(entity: Entity, body: ActorBody) -> float:
     return abs(entity.box.length - body.length) + 2.0 * abs(entity.box.height - body.height)
 
 
-def _actor(
+def _actors(
     drive: Drive,
     entity: Entity,
     track: Sequence[Motion],
     model: str,
     body: ActorBody,
     span: tuple[float, float] | None,
-) -> PlannedActor:
+) -> list[PlannedActor]:
+    """Return the actors of an entity: one for each time that it is there, and for each place that it is carried to."""
+    found: list[PlannedActor] = []
+    leaps = [list(part) for _, part in groupby(track, key=lambda motion: motion.leap)]
+    whole = (track[0].time, track[-1].time) if span is None else span
+    for number, part in enumerate(leaps):
+        start = -np.inf if number == 0 else part[0].time
+        stop = leaps[number + 1][0].time if number + 1 < len(leaps) else np.inf
+        spans = [(max(low, start), min(high, stop)) for low, high in _spans(drive, entity)]
+        spans = [(low, high) for low, high in spans if high - low > _APART or len(leaps) == 1]
+        if not spans:
+            continue
+        motion = _smoothed(drive, entity, part, body, whole if len(leaps) > 1 else span)
+        for active in spans:
+            name = _free(actor_name(entity.name), len(found), drive)
+            found.append(PlannedActor(name, model, None, motion.trajectory, body, 0.0, active, motion.deviation))
+    if len(found) > 1 and entity.name == drive.hero:
+        raise entity.node.unsupported(
+            "let it be there all the time: it carries the sensors", f"comes and goes {len(found)} times"
+        )
+    return found
+
+
+def _free(name: str, number: int, drive: Drive) -> str:
+    """Return the name of an entity's actor, with a number from the second one on, that no other entity has."""
+    names = {actor_name(one) for one in drive.entities}
+    found = name if number == 0 else f"{name}_{number + 1}"
+    while number and found in names:
+        found += "_"
+    return found
+
+
+def _smoothed(
+    drive: Drive, entity: Entity, track: Sequence[Motion], body: ActorBody, span: tuple[float, float] | None
+) -> Smoothed:
     times, points, headings = _samples(drive, track)
     record = Record(entity.name, times, points, headings, body.rear_axle)
     if len(times) == 1:
         times = np.array([times[0], times[0] + 1.0])
         record = Record(entity.name, times, np.repeat(points, 2, 0), np.repeat(headings, 2), body.rear_axle)
     try:
-        smoothed = smooth_record(record, body, span, KNOT_TIME, _sharpest(record.points))
+        return smooth_record(record, body, span, KNOT_TIME, _sharpest(record.points))
     except ParameterRangeError as error:
         raise entity.node.error(str(error)) from error
-    return PlannedActor(
-        actor_name(entity.name), model, None, smoothed.trajectory, body, 0.0, _active(drive, entity), smoothed.deviation
-    )
 
 
-def _active(drive: Drive, entity: Entity) -> tuple[float, float]:
+def _spans(drive: Drive, entity: Entity) -> list[tuple[float, float]]:
+    """Return the times at which an entity is there [s]; one without any is there at none."""
     spans = drive.run.seen.get(entity.name, [])
-    if len(spans) > 1:
-        raise entity.node.unsupported(
-            "give one entity for each time that it is there", f"comes and goes {len(spans)} times: {spans[:3]}"
-        )
-    if not spans:
-        return (0.0, 0.0)
-    start, stop = spans[0]
-    return (-np.inf if start <= 0.0 else start, stop)
+    return [(-np.inf if start <= 0.0 else start, stop) for start, stop in spans] or [(0.0, 0.0)]
 
 
 def _samples(drive: Drive, track: Sequence[Motion]) -> tuple[Array, Array, Array]:

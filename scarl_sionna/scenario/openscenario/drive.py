@@ -13,11 +13,12 @@ from scarl_sionna.core.errors import MapError, ScarlWarning, ScenarioFileError
 
 from .reading.catalogs import Catalogs
 from .reading.entities import Entity, read_entities
-from .reading.environment import environment_of
+from .reading.environment import Clock, clock_of, environment_of
 from .reading.source import Node, Problems, read_root
 from .roads.network import Roads, read_roads
 from .running.actions import Action
 from .running.registry import EnvironmentAction, read_global, read_private
+from .running.signals import read_signals
 from .running.simulation import Run, Simulation
 from .running.storyboard import Storyboard
 
@@ -116,13 +117,17 @@ def _cached(path: Path, stamp: tuple[int, int], map_file: Path | None, map_stamp
     board = root.need("Storyboard")
     init = _init(board, catalogs, entities)
     storyboard = Storyboard(board, catalogs, entities)
+    signals = read_signals(root.need("RoadNetwork"))
     problems.check()
     surroundings: dict[str, Any] = {}
+    clock: Clock | None = None
     for action, _ in init:
         if isinstance(action, EnvironmentAction):
             surroundings |= environment_of(action.node, catalogs)
+            clock = clock_of(action.node, catalogs) or clock
     hero = _hero(entities)
     simulation = Simulation(roads, entities, dict(root.scope), storyboard, hero)
+    simulation.signals, simulation.clock = signals, clock
     simulation.start(init)
     run = simulation.simulate()
     if not run.reason.startswith("StopTrigger"):

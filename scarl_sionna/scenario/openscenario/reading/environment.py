@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import math
+from dataclasses import dataclass
 from typing import Any
 
 from scarl_sionna.scenario.spec.light import lighting_at
@@ -33,10 +34,7 @@ def environment_of(action: Node, catalogs: Catalogs) -> dict[str, Any]:
     ScenarioError
         If a value is wrong or outside what the models of light and weather allow.
     """
-    node = action.need("Environment", "CatalogReference")
-    if node.tag == "CatalogReference":
-        node = catalogs.resolve(node)
-    node = node.declared()
+    node = _environment(action, catalogs)
     lighting, weather = _time_of_day(node), {}
     sky = node.child("Weather")
     if sky is not None:
@@ -55,15 +53,43 @@ def environment_of(action: Node, catalogs: Catalogs) -> dict[str, Any]:
     return found
 
 
+@dataclass(frozen=True)
+class Clock:
+    """The time of day at the start of a scenario, and whether it goes on with the scenario's time."""
+
+    start: datetime.datetime
+    goes_on: bool
+
+    def after(self, when: datetime.datetime, time: float) -> float:
+        """Return by how much it is later than a time of day, at a time of the scenario [s]."""
+        return (self.start - when).total_seconds() + (time if self.goes_on else 0.0)
+
+
+def clock_of(action: Node, catalogs: Catalogs) -> Clock | None:
+    """Return the clock of an ``<EnvironmentAction>``; None where it states no time of day."""
+    clock = _environment(action, catalogs).child("TimeOfDay")
+    return None if clock is None else Clock(date_time(clock), clock.truth("animation", False))
+
+
+def date_time(clock: Node) -> datetime.datetime:
+    """Return the `dateTime` of an element, without its time zone."""
+    text = clock.text("dateTime")
+    try:
+        return datetime.datetime.fromisoformat(text).replace(tzinfo=None)
+    except ValueError:
+        raise clock.error(f"dateTime = '{text[:40]}' is no time such as 2024-06-21T12:00:00") from None
+
+
+def _environment(action: Node, catalogs: Catalogs) -> Node:
+    node = action.need("Environment", "CatalogReference")
+    return (catalogs.resolve(node) if node.tag == "CatalogReference" else node).declared()
+
+
 def _time_of_day(node: Node) -> dict[str, Any]:
     clock = node.child("TimeOfDay")
     if clock is None:
         return {}
-    text = clock.text("dateTime")
-    try:
-        when = datetime.datetime.fromisoformat(text)
-    except ValueError:
-        raise clock.error(f"dateTime = '{text[:40]}' is no time such as 2024-06-21T12:00:00") from None
+    when = date_time(clock)
     hour = when.hour + when.minute / 60.0 + when.second / 3600.0
     return dict(lighting_at(hour, when.timetuple().tm_yday).model_dump())
 

@@ -16,6 +16,7 @@ from .dynamics import Ramp, Transition
 from .motion import Motion, World
 from .positions import read_position
 from .processes import HARDEST, KeepDistance, Match, Process, Speed, Synchronize
+from .signals import TrafficSignals
 
 START = 1e-3
 """Until then a step of speed or place is that of the start [s]."""
@@ -25,6 +26,8 @@ class Stage(World, Protocol):
     """The run as actions change it."""
 
     time: float
+    hero: str | None
+    signals: TrafficSignals
 
     def put(self, name: str, motion: Motion) -> None:
         """Replace the present motion of an entity."""

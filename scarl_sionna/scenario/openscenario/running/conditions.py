@@ -9,11 +9,13 @@ from typing import Protocol
 import shapely
 
 from scarl_sionna.scenario.openscenario.reading.catalogs import Catalogs
+from scarl_sionna.scenario.openscenario.reading.environment import Clock, date_time
 from scarl_sionna.scenario.openscenario.reading.source import Node, parameter_name
 
 from .distances import Distance, corners
 from .motion import World, wrapped
 from .positions import Position, read_position
+from .signals import TrafficSignals
 
 RULES = ("greaterThan", "lessThan", "equalTo", "greaterOrEqual", "lessOrEqual", "notEqualTo")
 _SAME = 1e-4
@@ -28,6 +30,8 @@ class Stage(World, Protocol):
     """The run as conditions see it."""
 
     time: float
+    signals: TrafficSignals
+    clock: Clock | None
 
     def element_state(self, kind: str, name: str, state: str, node: Node) -> bool:
         """Return whether an element of the storyboard is in a state, or in a transition right now."""
@@ -127,6 +131,33 @@ class _Element(Test):
 
     def holds(self, stage: Stage) -> bool:
         return stage.element_state(self._kind, self._name, self._state, self._node)
+
+
+class _TimeOfDay(_Number):
+    """TimeOfDayCondition: of the day that the environment of <Init> states."""
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(Rule(node, 0.0))
+        self._node, self._when = node, date_time(node)
+
+    def _found(self, stage: Stage) -> float:
+        if stage.clock is None:
+            raise self._node.error("the scenario has no time of day", "state a <TimeOfDay> in <Init>")
+        return stage.clock.after(self._when, stage.time)
+
+
+class _Signal(Test):
+    """TrafficSignalCondition and TrafficSignalControllerCondition."""
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._is_phase = node, node.tag == "TrafficSignalControllerCondition"
+        self._name = node.text("trafficSignalControllerRef" if self._is_phase else "name")
+        self._value = node.text("phase" if self._is_phase else "state")
+
+    def holds(self, stage: Stage) -> bool:
+        if self._is_phase:
+            return stage.signals.phase(self._name, stage.time, self._node) == self._value
+        return stage.signals.state(self._name, stage.time) == self._value
 
 
 class _OfEntity(_Number):
@@ -410,10 +441,11 @@ def read_value_test(node: Node) -> Test:
         return _Parameter(node)
     if node.tag == "StoryboardElementStateCondition":
         return _Element(node)
+    if node.tag in ("TrafficSignalCondition", "TrafficSignalControllerCondition"):
+        return _Signal(node)
+    if node.tag == "TimeOfDayCondition":
+        return _TimeOfDay(node)
     remedy = {
-        "TrafficSignalCondition": "use a time or a position",
-        "TrafficSignalControllerCondition": "use a time or a position",
-        "TimeOfDayCondition": "use a SimulationTimeCondition",
         "UserDefinedValueCondition": "use a ParameterCondition",
     }
     raise node.unsupported(remedy.get(node.tag, "see the table of conditions in docs/openscenario.md"))

@@ -41,6 +41,8 @@ class Motion:
         Height that a position states [m].
     is_present : bool
         Whether it is in the scene.
+    leap : int
+        How often it was carried elsewhere during the run.
     """
 
     time: float
@@ -57,6 +59,7 @@ class Motion:
     drift: float = 0.0
     z: float | None = None
     is_present: bool = True
+    leap: int = 0
 
     @property
     def velocity(self) -> tuple[float, float]:

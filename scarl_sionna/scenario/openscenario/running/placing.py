@@ -226,25 +226,35 @@ class AssignRouteAction(Action):
 
 
 class TeleportAction(Action):
-    """PrivateAction/TeleportAction: a place at the start; later only where the entity is already."""
+    """PrivateAction/TeleportAction: a place at the start, or another one during the run.
+
+    Who is carried elsewhere leaves one way and begins another, each smooth by itself; not the ego vehicle.
+    """
 
     def __init__(self, node: Node, catalogs: Catalogs) -> None:
         super().__init__(node)
         self._position = read_position(node.need("Position"), catalogs)
+        self.has_carried = False
 
     def begin(self, stage: Stage, actor: str) -> Process | None:
         """Put the actor at the position."""
         place = self._position.place(stage)
         known = stage.motions.get(actor)
-        if known is not None and stage.time > START:
-            away = math.hypot(place.x - known.x, place.y - known.y)
-            if away > GAP:
-                raise self.node.unsupported(
-                    "let the entity drive there, or give another one there that is visible from then on",
-                    f"carries '{actor}' {away:.4g} m at {stage.time:.4g} s; jumps",
-                )
+        self.has_carried = False
+        if known is None or stage.time <= START:
+            stage.put(actor, at_place(place, stage.time, known))
             return None
-        stage.put(actor, at_place(place, stage.time, known))
+        away = math.hypot(place.x - known.x, place.y - known.y)
+        if away <= GAP:
+            return None
+        if actor == stage.hero:
+            raise self.node.unsupported(
+                "let it drive there: it carries the sensors",
+                f"carries '{actor}' {away:.4g} m at {stage.time:.4g} s; the ego vehicle does not jump",
+            )
+        self.has_carried = True
+        put = at_place(place, stage.time, known)
+        stage.put(actor, replace(put, travelled=known.travelled, is_present=known.is_present, leap=known.leap + 1))
         return None
 
 

@@ -19,8 +19,8 @@ from .processes import Process
 
 _REMEDY = {
     "RandomRouteAction": "use an AssignRouteAction",
-    "TrafficAction": "use the scenario file's own `traffic`, or name the vehicles",
-    "InfrastructureAction": "leave it out: signals follow the map's controllers",
+    "TrafficAction": "name the vehicles, or write a scenario file whose `traffic` is built in (density), with this "
+    "file's entities as its `actors` by tables",
     "UserDefinedAction": "use actions of the standard",
     "TrailerAction": "let the trailer be an entity of its own",
 }
@@ -103,6 +103,29 @@ class EnvironmentAction(Action):
         return None
 
 
+class _SignalAction(Action):
+    """GlobalAction/InfrastructureAction/TrafficSignalAction: the state of a signal, or the phase of a controller."""
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(node)
+        what = node.need("TrafficSignalAction").only()
+        if what.tag not in ("TrafficSignalStateAction", "TrafficSignalControllerAction"):
+            raise what.unsupported("TrafficSignalStateAction and TrafficSignalControllerAction are read")
+        if what.child("Phase") is not None:
+            raise what.unsupported("put the phases into the controller in <RoadNetwork>", "brings phases of its own")
+        self._is_state, self._what = what.tag == "TrafficSignalStateAction", what
+        self._name = what.text("name" if self._is_state else "trafficSignalControllerRef")
+        self._value = what.text("state" if self._is_state else "phase")
+
+    def begin(self, stage: Stage, actor: str) -> Process | None:
+        """Set it now."""
+        if self._is_state:
+            stage.signals.set_state(self._name, self._value, stage.time)
+        else:
+            stage.signals.set_phase(self._name, self._value, stage.time, self._what)
+        return None
+
+
 def read_action(node: Node, catalogs: Catalogs) -> list[Action]:
     """Return the actions in an ``<Action>`` of an event.
 
@@ -172,6 +195,8 @@ def read_global(node: Node, catalogs: Catalogs) -> list[Action]:
             found.append(_Parameter(one))
         elif one.tag == "EntityAction":
             found.append(_EntityAction(one, catalogs))
+        elif one.tag == "InfrastructureAction":
+            found.append(_SignalAction(one))
         elif one.tag == "SetMonitorAction":
             found.append(_Nothing(one))
         else:

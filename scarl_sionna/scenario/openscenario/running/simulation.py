@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from scarl_sionna.core.errors import ScenarioError
 from scarl_sionna.scenario.openscenario.reading.entities import Entity
+from scarl_sionna.scenario.openscenario.reading.environment import Clock
 from scarl_sionna.scenario.openscenario.reading.source import Node
 from scarl_sionna.scenario.openscenario.roads.network import Roads
 
@@ -18,6 +19,7 @@ from .placing import FollowTrajectoryAction, TeleportAction, at_place
 from .positions import placed
 from .processes import Process
 from .shapes import Follow
+from .signals import TrafficSignals
 from .storyboard import Element, Running, Storyboard
 from .triggers import Trigger
 
@@ -81,7 +83,9 @@ class Simulation:
         self.motions: dict[str, Motion] = {}
         self.routes: dict[str, tuple[str, ...]] = {}
         self.time = 0.0
-        self._board, self._hero = storyboard, hero
+        self.signals = TrafficSignals()
+        self.clock: Clock | None = None
+        self._board, self.hero = storyboard, hero
         self._running: dict[tuple[str, str], Running] = {}
         self._now: list[tuple[Element, str]] = []
         self._next: list[tuple[Element, str]] = []
@@ -213,9 +217,9 @@ class Simulation:
     def _end_of_run(self, ended: bool, longest: float, states: int) -> tuple[float, str]:
         if ended:
             return self.time, "StopTrigger"
-        hero = None if self._hero is None else self.motions.get(self._hero)
+        hero = None if self.hero is None else self.motions.get(self.hero)
         if hero is not None and hero.beyond > 0.0:
-            return self.time, f"'{self._hero}' comes to the end of the roads"
+            return self.time, f"'{self.hero}' comes to the end of the roads"
         if self.time >= longest - 1e-9:
             return self.time, f"no StopTrigger within {longest:g} s"
         if states > MOST_STATES:
@@ -330,6 +334,7 @@ class Simulation:
             0.0,
             motion.z,
             motion.is_present,
+            motion.leap,
         )
 
     def _on_lane(self, name: str, motion: Motion, side: Process | None, gone: _Gone) -> Motion:
@@ -356,8 +361,9 @@ class Simulation:
         if speed > 0.05:
             heading += math.atan2(drift, speed)
         return Motion(
-            until, x, y, heading, speed, pull, travelled, spot, left, beyond, 0.0, drift, motion.z, motion.is_present
-        )
+            until, x, y, heading, speed, pull, travelled, spot, left, beyond, 0.0, drift, motion.z, motion.is_present,
+            motion.leap,
+        )  # fmt: skip # values in their order
 
 
 class _Gone(NamedTuple):
@@ -372,6 +378,8 @@ class _Gone(NamedTuple):
 def _domains_at_once(action: Action) -> tuple[str, ...]:
     """Return the domains that an action takes which is done at once."""
     name = type(action).__name__
+    if isinstance(action, TeleportAction):
+        return ("lateral",) if action.has_carried else ()
     if name in ("SpeedAction", "SpeedProfileAction"):
         return ("longitudinal",)
     return ("lateral",) if name in ("LaneChangeAction", "LaneOffsetAction") else ()

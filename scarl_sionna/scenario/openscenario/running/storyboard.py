@@ -20,7 +20,14 @@ STANDBY, RUNNING, COMPLETE = "standbyState", "runningState", "completeState"
 START, END, STOP, SKIP = "startTransition", "endTransition", "stopTransition", "skipTransition"
 _MOST_EXECUTIONS = 10_000
 _MOST_ELEMENTS = 20_000
-GLOBAL = ("EnvironmentAction", "ParameterAction", "VariableAction", "EntityAction", "SetMonitorAction")
+GLOBAL = (
+    "InfrastructureAction",
+    "EnvironmentAction",
+    "ParameterAction",
+    "VariableAction",
+    "EntityAction",
+    "SetMonitorAction",
+)
 """Actions that nobody in particular does."""
 
 
