@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -15,11 +16,12 @@ from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.light.glow import glow_integrator
 from scarl_sionna.engine.light.haze import Haze, haze_integrator
-from scarl_sionna.engine.light.many_lamps import lamp_table, many_lamps_integrator
+from scarl_sionna.engine.light.many_lamps import ShiningSurfaces, lamp_table, many_lamps_integrator
 from scarl_sionna.engine.light.retroreflectors import Retroreflectors
+from scarl_sionna.engine.light.windows import LitWindows
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import MitsubaObject
-from scarl_sionna.engine.world import WorldState
+from scarl_sionna.engine.world import World, WorldState
 
 from .denoise import denoise
 from .develop import develop
@@ -199,14 +201,30 @@ def _integrators(mi: ModuleType, scene: MitsubaObject, state: WorldState, spec: 
     """Return what is traced and added up: light paths, and what haze scatters of lamps."""
     haze, integrator = _haze(state), None
     if has_lamps(state):
-        back = Retroreflectors.of(state.world.parts)
-        integrator = many_lamps_integrator(mi, scene, spec.max_depth, ROULETTE_DEPTH, back)
+        surfaces = _surfaces(state.world)
+        integrator = many_lamps_integrator(mi, scene, spec.max_depth, ROULETTE_DEPTH, surfaces)
     integrator = integrator or mi.load_dict(integrator_dict(spec))
     yield integrator if haze is None else haze_integrator(mi, integrator, haze)
     if haze is not None and glows(state):
         lamps = lamp_table(mi, scene)
         if lamps is not None:
             yield glow_integrator(mi, scene, lamps, haze)
+
+
+_SURFACES: WeakKeyDictionary[World, ShiningSurfaces] = WeakKeyDictionary()
+
+
+def _surfaces(world: World) -> ShiningSurfaces:
+    """Return what shines in a world beside its lamps."""
+    if world not in _SURFACES:
+        _SURFACES[world] = _find_surfaces(world)
+    return _SURFACES[world]
+
+
+def _find_surfaces(world: World) -> ShiningSurfaces:
+    meshes = {name: world.mesh(part) for part, name in enumerate(world.parts.name)}
+    share = 0.0 if world.lighting is None else world.lighting.lit_windows
+    return ShiningSurfaces(Retroreflectors.of(world.parts), LitWindows.of(world.parts, meshes, share))
 
 
 def _haze(state: WorldState) -> Haze | None:

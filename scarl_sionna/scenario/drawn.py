@@ -14,7 +14,7 @@ from .spec.draws import WeatherDraw
 from .spec.light import lighting_at
 from .spec.scenario import ScenarioSpec
 
-_BY_THE_SUN = ("sun_elevation_deg", "sun_azimuth_deg", "headlamps", "street_lamps", "exposure")
+_BY_THE_SUN = ("sun_elevation_deg", "sun_azimuth_deg", "headlamps", "street_lamps", "lit_windows", "exposure")
 """Values of a lighting that an hour decides; what else a scenario states of its light stays."""
 _EQUINOX = 80
 _DIGITS = 3

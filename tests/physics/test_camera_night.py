@@ -16,8 +16,9 @@ from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.light.haze import Haze
 from scarl_sionna.engine.light.sky import UNIT_LUMINANCE
+from scarl_sionna.engine.light.windows import LitWindows
 from scarl_sionna.engine.load import load_scene
-from scarl_sionna.engine.world import WorldState
+from scarl_sionna.engine.world import World, WorldState
 from tests.scenes import Material, Thing, box, plane, write_scene
 
 pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
@@ -164,3 +165,57 @@ def test_the_denoised_night_keeps_its_light_and_its_dark(street: WorldState) -> 
     assert few[dark].mean() == pytest.approx(many[dark].mean(), rel=0.10)
     darkest = luminance <= np.quantile(luminance, 0.25)
     assert few[darkest].mean() == pytest.approx(many[darkest].mean(), rel=0.10)
+
+
+GLASS = {"pane": Material((0.0, 0.0, 0.0), "glass", 0.05), "lens": Material((0.0, 0.0, 0.0))}
+
+
+def lit(world: World, share: float) -> LitWindows:
+    meshes = {name: world.mesh(part) for part, name in enumerate(world.parts.name)}
+    return LitWindows.of(world.parts, meshes, share)
+
+
+def test_a_lit_window_shines_with_its_room(tmp_path: Path) -> None:
+    """Its light over the image is the room's radiance over the pane's area in pixels, less what curtains take."""
+    wide, high, distance = 1.2, 1.4, 12.0
+    pane = Thing("house", plane(high, wide, (distance, 0.4, 2.0), (-1.0, 0.0, 0.0)), "Building", "pane")
+    lamp = Thing("lamp", plane(0.3, 0.3, (-300.0, 0.0, 5.0), (-1.0, 0.0, 0.0)), "Pole", "lens")
+    path = write_scene(tmp_path, [pane, lamp], materials=GLASS)
+    toml = tmp_path / "scene.toml"
+    toml.write_text(toml.read_text().replace("[materials.lens]", '[materials.lens]\nlamp = "street_lamp"'))
+    world = load_scene(path)
+    night = NIGHT.with_(night_sky_luminance=0.0, lit_windows=1.0)
+    image, dark = (
+        render_radiance(world.with_lighting(each).at(0.0), SPEC.with_(denoise=True), POSE, np.random.default_rng(0))
+        for each in (night, night.with_(lit_windows=0.0))
+    )
+    assert dark.max() == 0.0
+    ((*radiance, curtain),) = lit(world, 1.0).rooms
+    sides = np.ptp(pane.mesh.vertices, axis=0)[1:]
+    area = SPEC.intrinsics[0, 0] ** 2 * sides.prod() / distance**2
+    expected = np.array(radiance) * area * (1.0 - 0.65 * curtain)
+    np.testing.assert_allclose(image.astype(float).sum(axis=(0, 1)), expected, rtol=0.05)  # 16 samples at its edges
+
+
+def test_rooms_are_lit_by_their_place(tmp_path: Path) -> None:
+    windows = [plane(1.4, 1.2, (20.0, 3.0 * k, 2.0), (-1.0, 0.0, 0.0)) for k in range(400)]
+    front = plane(7.0, 10.0, (20.0, -50.0, 4.0), (-1.0, 0.0, 0.0))
+    if np.ptp(front.vertices[:, 2]) > 8.0:
+        front = plane(10.0, 7.0, (20.0, -50.0, 4.0), (-1.0, 0.0, 0.0))
+    things = [
+        Thing("house", sum(windows[1:], windows[0]), "Building", "pane"),
+        Thing("front", front, "Building", "pane"),
+        Thing("roof", plane(3.0, 3.0, (0.0, 0.0, 8.0)), "Building", "pane"),
+        Thing("shelter", plane(3.0, 3.0, (0.0, 9.0, 2.0), (1.0, 0.0, 0.0)), "Static", "pane"),
+    ]
+    world = load_scene(write_scene(tmp_path, things, materials=GLASS))
+    all_lit, some, none = (lit(world, share) for share in (0.6, 0.3, 0.0))
+    assert len(none.rooms) == 0 and len(some.panes) == 401
+    assert len(some.rooms) == 400 + 4 * 2  # 10 x 7 m of glass over rooms of 2.6 x 3.4 m
+    shines = [table.rooms[:400, 0] > 0.0 for table in (all_lit, some)]
+    assert shines[0][shines[1]].all()  # a larger share adds some
+    for share, chosen in zip((0.6, 0.3), shines, strict=True):
+        assert chosen.mean() == pytest.approx(share, abs=5.0 * np.sqrt(share * (1.0 - share) / 400.0))
+    luminance = some.rooms[:400][shines[1], :3] @ [0.2126, 0.7152, 0.0722] * UNIT_LUMINANCE
+    assert np.median(luminance) == pytest.approx(4.0, rel=0.5) and luminance.max() < 30.1
+    np.testing.assert_array_equal(lit(world, 0.3).rooms, some.rooms)

@@ -167,6 +167,7 @@ def test_lighting_by_name_by_values_and_by_the_clock() -> None:
     assert noon.sun_elevation_deg > 35.0 > 5.0 > evening.sun_elevation_deg > midnight.sun_elevation_deg
     assert not noon.headlamps and evening.headlamps and midnight.street_lamps
     assert noon.exposure < evening.exposure < midnight.exposure
+    assert noon.lit_windows == 0.0 < midnight.lit_windows < evening.lit_windows
 
 
 def test_the_sun_stands_where_almanacs_have_it() -> None:

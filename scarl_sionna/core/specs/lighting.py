@@ -26,6 +26,9 @@ class Lighting(Spec):
     )
     headlamps: bool = Field(False, description="head and tail lamps of the vehicles")
     street_lamps: bool = False
+    lit_windows: float = Field(
+        0.0, ge=0.0, le=1.0, description="share of the rooms of buildings in which light burns; seen where lamps are on"
+    )
     wetness: float = Field(0.0, ge=0.0, le=1.0, description="of the ground; 1: puddles in the wheel tracks")
     visibility: Metres | None = Field(
         None, gt=0.0, description="meteorological range at 5 % contrast [m]; None: no haze"
@@ -53,9 +56,11 @@ LIGHTING_PRESETS: Mapping[str, Mapping[str, Any]] = {
     "day": {"cloud_cover": 0.3, "visibility": 25e3, "exposure": 1.5},
     "dusk": {
         "sun_elevation_deg": 3.5, "sun_azimuth_deg": 62.0, "turbidity": 2.5, "cloud_cover": 0.35, "visibility": 15e3,
-        "headlamps": True, "street_lamps": True, "exposure": 4.0,
+        "headlamps": True, "street_lamps": True, "lit_windows": 0.3, "exposure": 4.0,
     },
-    "night": {"sun_elevation_deg": -30.0, "headlamps": True, "street_lamps": True, "exposure": 700.0},
+    "night": {
+        "sun_elevation_deg": -30.0, "headlamps": True, "street_lamps": True, "lit_windows": 0.35, "exposure": 700.0,
+    },
     "overcast": {"cloud_cover": 1.0, "visibility": 15e3, "exposure": 4.5},
     "rain": {
         "cloud_cover": 1.0, "sun_elevation_deg": 25.0, "visibility": 2500.0, "wetness": 1.0, "headlamps": True,

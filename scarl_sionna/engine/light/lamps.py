@@ -37,8 +37,10 @@ _COLORS = {
     "indoor": (1.0, 0.93, 0.82), "signal_red": (1.0, 0.02, 0.01), "signal_amber": (1.0, 0.36, 0.0),
     "signal_green": (0.0, 1.0, 0.32),
     "lane_red": (1.0, 0.02, 0.01), "lane_green": (0.0, 1.0, 0.32), "indicator": (1.0, 0.36, 0.0),
+    "room_2700": (1.0, 0.55, 0.22), "room_3000": (1.0, 0.65, 0.35), "screen": (0.6, 0.8, 1.0),
 }  # fmt: skip # a table
-"""Linear RGB: LED of 5000 K, red, LED of 4000 K, LED of 5000 K, signals, before they are scaled to luminance 1."""
+"""Linear RGB: LED of 5000 K, red, LED of 4000 K, LED of 5000 K, signals, rooms (LED of
+2700 and 3000 K, a screen), before they are scaled to luminance 1."""
 ALWAYS_ON = {
     "indoor": 8000.0,
     "signal_red": 6400.0,
@@ -115,11 +117,12 @@ def _beam_texture(path: Path, mi: ModuleType) -> None:
     intensity = low_beam(np.degrees(np.arctan(x)), np.degrees(np.arctan(y / np.sqrt(1.0 + x * x))))
     # pi: the projector takes the radiance of a white diffuser on that plane for its irradiance (tested against E = I /
     # d^2)
-    light = (intensity * cosine**3 / (np.pi * UNIT_LUMINANCE))[..., None] * _unit_color("headlamp")
+    light = (intensity * cosine**3 / (np.pi * UNIT_LUMINANCE))[..., None] * unit_color("headlamp")
     mi.Bitmap(light.astype(np.float32)).write(str(path))
 
 
-def _unit_color(lamp: str) -> Array:
+def unit_color(lamp: str) -> Array:
+    """Return the linear RGB of a kind of lamp, of luminance 1."""
     color = np.array(_COLORS[lamp])
     return color / (LUMINANCE_WEIGHTS @ color)
 
@@ -283,7 +286,7 @@ class Lamps:
                 continue
             vertices, faces = meshes[shape].vertices, meshes[shape].faces
             key = f"{shape}.emitter.radiance.value"
-            glow = _glow(lamp, vertices, faces) * _unit_color(lamp)
+            glow = _glow(lamp, vertices, faces) * unit_color(lamp)
             radiance = glow if shines else np.zeros(3)
             if shape in self._told:
                 more = 1.0 if lamp == "indicator" else BRAKE_INTENSITY / _GLOW_INTENSITY[lamp]

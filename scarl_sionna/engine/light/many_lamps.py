@@ -21,6 +21,7 @@ from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 from .lamps import BEAM_FOV_DEG, low_beam
 from .retroreflectors import WHITE_SHEET, Retroreflectors, beads_law, observation_angle, sheet_law
 from .sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
+from .windows import LitWindows, WindowTable
 
 Array = npt.NDArray[np.float64]
 
@@ -65,6 +66,13 @@ class LampTable(NamedTuple):
     side: Array
     strength: Array
     radius: Array
+
+
+class ShiningSurfaces(NamedTuple):
+    """What shines by its material or place, not by an emitter: what sends light back, and lit windows."""
+
+    retroreflectors: Retroreflectors
+    windows: LitWindows
 
 
 def lamp_table(mi: ModuleType, scene: MitsubaObject) -> LampTable | None:
@@ -197,7 +205,7 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             self,
             scene: MitsubaObject,
             table: LampTable,
-            retroreflectors: Retroreflectors,
+            surfaces: ShiningSurfaces,
             max_depth: int,
             roulette_depth: int,
         ) -> None:
@@ -216,8 +224,10 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             index = np.zeros(int(ids.max()) + 1, dtype=np.uint32)
             index[ids] = np.arange(len(ids))
             self._index_of_id = mi.UInt32(index)
-            self._sheets, self._beads = (mi.Float(column) for column in retroreflectors.columns(mi, scene))
-            self._sends_back = bool(retroreflectors.sheets or retroreflectors.beads)
+            back = surfaces.retroreflectors
+            self._sheets, self._beads = (mi.Float(column) for column in back.columns(mi, scene))
+            self._sends_back = bool(back.sheets or back.beads)
+            self._windows = WindowTable(mi, scene, surfaces.windows)
 
         def _chance(
             self, index: DeviceArray, point: DeviceArray, normal: DeviceArray, active: DeviceArray
@@ -325,6 +335,10 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
                 lamp_pdf = dr.select(asked, emitter.pdf_direction(start, seen, asked) * chance, 0.0)
                 weight = dr.select(lamp_pdf > 0.0, last_pdf / (last_pdf + lamp_pdf), 1.0)
                 result += dr.select(shines, throughput * weight * emitter.eval(si, shines), 0.0)
+                if dr.hint(self._windows.any, mode="scalar"):
+                    pane = self._windows.pane(si, active & si.is_valid())
+                    if pane >= 0:
+                        result += throughput * self._windows.radiance(si, pane)
                 valid |= active & si.is_valid()
                 active &= si.is_valid() & (depth + 1 < self._max_depth)
 
@@ -374,7 +388,7 @@ def many_lamps_integrator(
     scene: MitsubaObject,
     max_depth: int,
     roulette_depth: int,
-    retroreflectors: Retroreflectors,
+    surfaces: ShiningSurfaces,
 ) -> MitsubaObject | None:
     """Return the integrator for a scene in its present state, or None where it has emitters of other kinds.
 
@@ -388,13 +402,13 @@ def many_lamps_integrator(
         Longest light path [segments].
     roulette_depth : int
         Segments after which a light path ends at random.
-    retroreflectors : Retroreflectors
-        What sends the light of lamps back to them.
+    surfaces : ShiningSurfaces
+        What sends the light of lamps back to them, and lit windows.
     """
     table = lamp_table(mi, scene)
     if table is None:
         return None
     _plugin(mi, mi.variant())
     integrator: Any = mi.load_dict({"type": PLUGIN})
-    integrator.place(scene, table, retroreflectors, max_depth, roulette_depth)
+    integrator.place(scene, table, surfaces, max_depth, roulette_depth)
     return integrator

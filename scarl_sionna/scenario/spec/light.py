@@ -25,6 +25,8 @@ CLOCK = ("time_of_day", "day_of_year", "latitude_deg", "north_deg")
 _EXPOSURE = ((-12.0, 700.0), (-6.0, 400.0), (0.0, 10.0), (3.5, 4.0), (38.0, 1.5), (90.0, 1.0))
 """Sun elevation [deg] and exposure: those of the presets night, dusk and day, and between them as the illuminance falls
 in twilight (about 400 lx at 0 deg, 3.4 lx at -6 deg) until street lamps take over."""
+_LIT_WINDOWS = ((0.0, 0.2), (2.0, 0.06), (5.0, 0.05), (7.0, 0.35), (16.0, 0.3), (19.0, 0.5), (22.0, 0.45), (24.0, 0.2))
+"""Hour and share of rooms in which light burns when it is dark: an engineering estimate for homes and shops."""
 LAMPS_ON_BELOW = 5.0
 """Sun elevation below which lamps burn by default [deg]."""
 
@@ -70,6 +72,7 @@ def lighting_at(
     """
     elevation, azimuth = sun_at(hour, day_of_year, latitude_deg)
     angles, exposures = zip(*_EXPOSURE, strict=True)
+    hours, shares = zip(*_LIT_WINDOWS, strict=True)
     dark = elevation < LAMPS_ON_BELOW
     values: dict[str, Any] = {
         "sun_elevation_deg": round(elevation, 3),
@@ -78,6 +81,7 @@ def lighting_at(
         "visibility": 25e3,
         "headlamps": dark,
         "street_lamps": dark,
+        "lit_windows": round(float(np.interp(hour, hours, shares)), 3) if dark else 0.0,
         "exposure": round(float(np.exp(np.interp(elevation, angles, np.log(exposures)))), 4),
     }
     return Lighting(**{**values, **changes})
