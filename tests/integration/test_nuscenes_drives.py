@@ -149,7 +149,8 @@ THINGS = {
 
 
 def test_wheelchairs_prams_and_dogs_are_those() -> None:
-    for category, model in (("human.pedestrian.wheelchair", "wheelchair"), ("animal", "dog")):
+    riders = ("human.pedestrian.personal_mobility", "scooter")
+    for category, model in (("human.pedestrian.wheelchair", "wheelchair"), ("animal", "dog"), riders):
         assert model_for(Track("t", category, (1.0, 0.6, 1.4), (), None)) == model
     low = Track("t", "human.pedestrian.adult", (0.6, 0.6, 1.4), (Placed(0.0, (0.0, 0.0, 0.7), 0.0),), None)
     assert model_for(low) not in ("wheelchair", "pram", "dog", "sitting_man")

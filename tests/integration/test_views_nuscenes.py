@@ -19,11 +19,16 @@ from scarl_sionna.dataset.derived.radar_points import radar_points, sensed_point
 from scarl_sionna.dataset.formats.nuscenes import export_nuscenes
 from scarl_sionna.dataset.formats.nuscenes_parts.files import deviation_code, tone_deviation
 from scarl_sionna.dataset.formats.nuscenes_parts.tables import (
+    ATTRIBUTES,
     CATEGORIES,
     LIDARSEG_LABEL,
     TABLES,
+    attribute_tokens,
     category_of,
+    has_boxes,
     lidarseg_labels,
+    models_of,
+    token,
     visibility_token,
 )
 from scarl_sionna.dataset.formats.output import FILES, MARK
@@ -361,3 +366,45 @@ def test_a_child_is_no_adult_among_boxes_and_points() -> None:
     assert names == ["human.pedestrian.child", "human.pedestrian.adult", "vehicle.car"]
     labels = lidarseg_labels(np.array(lidar, np.uint8), np.array([1, 2, 3], np.uint16), items)
     assert [CATEGORIES[label] for label in labels] == names
+
+
+def person(name: str, kind: str, height: float, number: int = 1) -> ObjectState:
+    return ObjectState(name, number, semantic_id(kind), Pose(), np.array([1.0, 0.6, height]), Twist(), True)
+
+
+def test_people_are_what_their_models_say() -> None:
+    """By the model that the scenario states, or that traffic's names hold; sizes would say child, cart and bicycle."""
+    models = models_of({"actors": [{"name": "aunt", "model": "wheelchair"}, {"name": "rex", "model": "dog"}]})
+    assert models == {"aunt": "wheelchair", "rex": "dog"} and models_of({"scene": "street"}) == {}
+    people = [
+        (person("aunt", "Pedestrian", 1.41), "human.pedestrian.wheelchair"),
+        (person("traffic_sitting_man_0", "Pedestrian", 1.38), "human.pedestrian.adult"),
+        (person("traffic_boy_10_2", "Pedestrian", 1.42), "human.pedestrian.child"),
+        (person("traffic_woman_82_0", "Pedestrian", 1.57), "human.pedestrian.adult"),
+        (person("pram", "Dynamic", 1.06), "human.pedestrian.stroller"),
+        (person("rex", "Dynamic", 0.82), "animal"),
+        (person("traffic_scooter_11", "Bicycle", 1.79), "human.pedestrian.personal_mobility"),
+        (person("traffic_bicycle_0", "Bicycle", 1.71), "vehicle.bicycle"),
+        (person("cart", "Dynamic", 1.0), "movable_object.pushable_pullable"),
+        (person("dog", "Car", 1.5), "vehicle.car"),
+    ]
+    for item, category in people:
+        assert category_of(item, models) == category and has_boxes(category), item.name
+        label = lidarseg_labels(np.array([item.semantic], np.uint8), np.array([1], np.uint16), [item], models)
+        assert CATEGORIES[label[0]] == category
+
+
+def test_attributes_say_who_sits_and_who_rides() -> None:
+    """A cyclist who waits at the lights is still on the bicycle."""
+    rows = [
+        ("vehicle.bicycle", person("a", "Bicycle", 1.71), 0.0, "cycle.with_rider"),
+        ("vehicle.motorcycle", person("a", "Motorcycle", 1.1), 0.0, "cycle.without_rider"),
+        ("human.pedestrian.wheelchair", person("wheelchair", "Pedestrian", 1.41), 1.0, "pedestrian.sitting_lying_down"),
+        ("human.pedestrian.adult", person("man_66", "Pedestrian", 1.7), 1.0, "pedestrian.moving"),
+        ("human.pedestrian.adult", person("man_66", "Pedestrian", 1.7), 0.0, "pedestrian.standing"),
+        ("vehicle.car", person("a", "Car", 1.5), 0.0, "vehicle.stopped"),
+    ]
+    for category, item, speed, name in rows:
+        assert attribute_tokens(category, item, speed) == [token("attribute", name)], name
+    assert attribute_tokens("animal", person("dog", "Dynamic", 0.8), 1.0) == []
+    assert len(ATTRIBUTES) == 8  # those of nuScenes

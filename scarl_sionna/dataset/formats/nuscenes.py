@@ -274,7 +274,8 @@ class _Writer:
         if base["is_key_frame"]:
             label_file = f"lidarseg/{self.options.version}/{record['token']}_lidarseg.bin"
             (self.root / label_file).parent.mkdir(parents=True, exist_ok=True)
-            labels = tables.lidarseg_labels(semantic, instance, frame.objects)
+            models = tables.models_of(scene.configuration)
+            labels = tables.lidarseg_labels(semantic, instance, frame.objects, models)
             labels.tofile(self.root / label_file)
             entry = {"token": record["token"], "sample_data_token": record["token"]}
             self.lidarseg.append({**entry, "filename": label_file})
@@ -335,8 +336,9 @@ class _Writer:
         cameras = list(frame.images.values())
         with_depth = [image for image in cameras if image.depth is not None]
         cameras = with_depth or cameras
+        models = tables.models_of(scene.configuration)
         for item in other_objects(frame):
-            category = tables.category_of(item)
+            category = tables.category_of(item, models)
             if not (self.options.all_objects or tables.has_boxes(category)):
                 continue
             num_lidar = int(np.count_nonzero(points_inside(item, cloud)))
@@ -353,7 +355,7 @@ class _Writer:
                     "sample_token": self.samples[-1]["token"],
                     "instance_token": token("instance", scene.name, item.instance),
                     "visibility_token": tables.visibility_token(fraction),
-                    "attribute_tokens": tables.attribute_tokens(category, speed, item.is_actor),
+                    "attribute_tokens": tables.attribute_tokens(category, item, speed, models),
                     "translation": item.world_from_box.position.tolist(),
                     "size": [width, length, height],
                     "rotation": item.world_from_box.quaternion.tolist(),
@@ -392,7 +394,7 @@ class _Writer:
         for instance, rows in self.annotations.items():
             _link(rows)
             item = self.instances[instance]
-            category = tables.category_of(item)
+            category = tables.category_of(item, tables.models_of(scene.configuration))
             self.table["instance"].append(
                 {
                     "token": rows[0]["instance_token"],

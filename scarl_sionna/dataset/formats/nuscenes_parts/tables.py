@@ -9,7 +9,9 @@ References
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -62,14 +64,25 @@ CATEGORY_OF_CLASS = {
 LIDARSEG_LABEL = np.array([CATEGORIES.index(CATEGORY_OF_CLASS[name]) for name in SEMANTIC_CLASSES], dtype=np.uint8)
 """Lidarseg label by semantic id."""
 
-CHILD_HEIGHT = 1.4
-"""Pedestrians whose box is lower are children [m]: the dataset holds their size, not their age."""
+CHILD_HEIGHT = 1.5
+"""Pedestrians whose box is lower are children [m], as Germany's road traffic act (StVO, section 21) has it of those who
+need a seat of their own: the dataset holds their size, not their age."""
+RIDDEN_HEIGHT = 1.35
+"""Cycles whose box is higher have a rider on them [m]."""
+CATEGORY_OF_MODEL = {
+    "wheelchair": "human.pedestrian.wheelchair", "pram": "human.pedestrian.stroller", "dog": "animal",
+    "scooter": "human.pedestrian.personal_mobility", "sitting_man": "human.pedestrian.adult",
+}  # fmt: skip # a table
+"""Category of actor models whose class or size does not tell."""
+_TRAFFIC = re.compile(r"traffic_(.+)_\d+")
 _CHILD = "human.pedestrian.child"
+_SITTING = ("sitting_man", "wheelchair")
 
 VISIBILITY_LEVELS = (("v0-40", 0.4), ("v40-60", 0.6), ("v60-80", 0.8), ("v80-100", 1.0))
 ATTRIBUTES = {
     "cycle.with_rider": "a rider is on it", "cycle.without_rider": "no rider is on it",
     "pedestrian.moving": "faster than 0.5 m/s", "pedestrian.standing": "slower than 0.5 m/s",
+    "pedestrian.sitting_lying_down": "on a bench or in a wheelchair",
     "vehicle.moving": "faster than 0.5 m/s", "vehicle.stopped": "slower than 0.5 m/s, of an object that can move",
     "vehicle.parked": "a static object of the scene",
 }  # fmt: skip # a table
@@ -84,20 +97,46 @@ def token(*parts: object) -> str:
     return hashlib.md5("\x1f".join(map(str, parts)).encode(), usedforsecurity=False).hexdigest()
 
 
-def category_of(item: ObjectState) -> str:
-    """Return the category of an object: that of its class, and of a pedestrian lower than 1.4 m that of a child."""
-    category = CATEGORY_OF_CLASS[SEMANTIC_CLASSES[item.semantic]]
-    is_child = SEMANTIC_CLASSES[item.semantic] == "Pedestrian" and item.size[2] < CHILD_HEIGHT
-    return _CHILD if is_child else category
+def models_of(configuration: Mapping[str, Any]) -> dict[str, str]:
+    """Return the models that a scene's configuration states, by the actors' names."""
+    stated = configuration.get("actors", ())
+    rows = [row for row in stated if isinstance(row, Mapping)] if isinstance(stated, list | tuple) else []
+    return {str(row["name"]): str(row["model"]) for row in rows if row.get("name") and row.get("model")}
+
+
+def _model(name: str, models: Mapping[str, str]) -> str:
+    """Return the model of an object: as stated, by the name that built-in traffic gives, or a name that is one."""
+    traffic = _TRAFFIC.fullmatch(name)
+    return models.get(name) or (traffic[1] if traffic else name)
+
+
+def category_of(item: ObjectState, models: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Return the category of an object: of its model where that tells, else of its class and, of people, their height.
+
+    `models` are those stated for the scene, by name.
+    """
+    kind = SEMANTIC_CLASSES[item.semantic]
+    named = CATEGORY_OF_MODEL.get(_model(item.name, models))
+    if named is not None and kind in ("Pedestrian", "Dynamic", "Bicycle"):
+        return named
+    return _CHILD if kind == "Pedestrian" and item.size[2] < CHILD_HEIGHT else CATEGORY_OF_CLASS[kind]
 
 
 def lidarseg_labels(
-    semantic: npt.NDArray[np.uint8], instance: npt.NDArray[np.uint16], objects: Sequence[ObjectState]
+    semantic: npt.NDArray[np.uint8],
+    instance: npt.NDArray[np.uint16],
+    objects: Sequence[ObjectState],
+    models: Mapping[str, str] = MappingProxyType({}),
 ) -> npt.NDArray[np.uint8]:
-    """Return the lidarseg labels (n,) of points by their class, and where they are of a child by that."""
+    """Return the lidarseg labels (n,) of points: of their class, or of the category of their object where that differs.
+
+    `models` as of `category_of`.
+    """
     label = LIDARSEG_LABEL[semantic]
-    children = [item.instance for item in objects if category_of(item) == _CHILD]
-    label[np.isin(instance, children)] = CATEGORIES.index(_CHILD)
+    for item in objects:
+        category = category_of(item, models)
+        if category != CATEGORY_OF_CLASS[SEMANTIC_CLASSES[item.semantic]]:
+            label[instance == item.instance] = CATEGORIES.index(category)
     return label
 
 
@@ -127,13 +166,17 @@ def visibility_token(fraction: float) -> str:
     return str(1 + sum(fraction > limit for _, limit in VISIBILITY_LEVELS[:-1]))
 
 
-def attribute_tokens(category: str, speed: float, is_actor: bool) -> list[str]:
-    """Return the attribute of an object of a category: none for what has none in nuScenes."""
+def attribute_tokens(
+    category: str, item: ObjectState, speed: float, models: Mapping[str, str] = MappingProxyType({})
+) -> list[str]:
+    """Return the attribute of an object of a category at a speed [m/s]: none for what has none in nuScenes."""
     moving = speed > MOVING_SPEED
     if category in ("vehicle.bicycle", "vehicle.motorcycle"):
-        name = "cycle.with_rider" if moving else "cycle.without_rider"
+        name = "cycle.with_rider" if item.size[2] > RIDDEN_HEIGHT else "cycle.without_rider"
     elif category.startswith("vehicle."):
-        name = "vehicle.moving" if moving else "vehicle.stopped" if is_actor else "vehicle.parked"
+        name = "vehicle.moving" if moving else "vehicle.stopped" if item.is_actor else "vehicle.parked"
+    elif category.startswith("human.") and _model(item.name, models) in _SITTING:
+        name = "pedestrian.sitting_lying_down"
     elif category.startswith("human."):
         name = "pedestrian.moving" if moving else "pedestrian.standing"
     else:
@@ -144,7 +187,8 @@ def attribute_tokens(category: str, speed: float, is_actor: bool) -> list[str]:
 def has_boxes(category: str) -> bool:
     """Return whether nuScenes gives boxes to a category."""
     return (
-        category.startswith(("human.", "vehicle.", "movable_object.", "static_object.")) and category != "vehicle.ego"
+        category.startswith(("human.", "vehicle.", "movable_object.", "static_object.", "animal"))
+        and category != "vehicle.ego"
     )
 
 

@@ -41,6 +41,7 @@ SMOOTHING = 0.005
 keyframe to the next (0.5 s) is taken to a fifth, what takes 3 s to 96 %."""
 NAMED: Mapping[str, str] = {
     "human.pedestrian.wheelchair": "wheelchair", "human.pedestrian.stroller": "pram", "animal": "dog",
+    "human.pedestrian.personal_mobility": "scooter",
 }  # fmt: skip # a table
 """Categories that have one actor model; no other category becomes one of these."""
 NOTABLE = 0.3
