@@ -1,13 +1,13 @@
 """Seconds a frame against the number of actors in one scene: state, acceleration structures of both twins, and loading.
 
-    python benchmarks/many_actors.py [--actors 10,50,200] [--details light,detailed] [--frames 6]
-    [--scene urban_crossing]
-        [--scene-detail detailed] [--traffic]
+    python benchmarks/many_actors.py [--actors 10,50,200] [--details light,detailed] [--frames 6] [--step 0.1]
+        [--scene urban_crossing] [--scene-detail detailed] [--traffic]
 
 Actors of all models of ``scenes_xml/actors`` drive, cycle and walk on bends beside a scene; all of them move in every
 frame. `state` is ``world.at(t)`` with the pose of every wheel and limb, `optical` and `radio` write all vertices into a
 twin and make its acceleration structure anew (one ray is cast). With ``--traffic`` they are the built-in traffic round
 the scene's ego vehicle (``traffic: {actors: 100}``), near ones at the level of `--scene-detail`, far ones light.
+`serial` is the part of a frame's CPU seconds that the main thread has.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import argparse
 import importlib.metadata
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -35,17 +35,19 @@ DOWN = np.array([[0.0, 0.0, -1.0]])
 
 @dataclass
 class Clock:
-    """Wall and CPU seconds of steps, by name."""
+    """Wall and CPU seconds of steps, by name, and those of the main thread among them."""
 
     wall: dict[str, list[float]] = field(default_factory=dict)
     cpu: dict[str, list[float]] = field(default_factory=dict)
+    main: dict[str, list[float]] = field(default_factory=dict)
 
     def run(self, name: str, work: Callable[[], object]) -> object:
         """Do one step and note how long it took."""
-        start, busy = time.perf_counter(), time.process_time()
+        start, busy, own = time.perf_counter(), time.process_time(), time.thread_time()
         result = work()
         self.wall.setdefault(name, []).append(time.perf_counter() - start)
         self.cpu.setdefault(name, []).append(time.process_time() - busy)
+        self.main.setdefault(name, []).append(time.thread_time() - own)
         return result
 
 
@@ -78,9 +80,9 @@ def in_traffic(scene: str, scene_detail: str, count: int) -> ss.World:
 
 
 def measure(
-    scene: str, scene_detail: str, count: int, detail: str, frames: int, is_traffic: bool = False
+    scene: str, scene_detail: str, count: int, detail: str, times: Sequence[float], is_traffic: bool = False
 ) -> tuple[ss.World, Clock]:
-    """Load a scene with actors and step through frames."""
+    """Load a scene with actors and step through frames at times [s]."""
     clock = Clock()
     if is_traffic:
         world = clock.run("load", lambda: in_traffic(scene, scene_detail, count))
@@ -88,8 +90,8 @@ def measure(
         world = clock.run("load", lambda: ss.stage(scene, crowd(count, detail), detail=scene_detail))
     assert isinstance(world, ss.World)
     above = np.array([0.0, 0.0, 50.0])
-    for time_of_frame in np.linspace(0.5, 7.5, frames):
-        state = clock.run("state", partial(_state, world, float(time_of_frame)))
+    for time_of_frame in times:
+        state = clock.run("state", partial(_state, world, time_of_frame))
         assert isinstance(state, ss.WorldState)
         clock.run("optical", partial(state.cast, above, DOWN))
         clock.run("radio", partial(state.cast, above, DOWN, twin="radio"))
@@ -114,6 +116,7 @@ def main() -> None:
     )
     parser.add_argument("--scene", default="urban_crossing")
     parser.add_argument("--frames", type=int, default=6)
+    parser.add_argument("--step", type=float, default=0.1, help="from frame to frame, from 1 s on [s]")
     parser.add_argument("--traffic", action="store_true", help="built-in traffic; --details has no meaning then")
     given = parser.parse_args()
     packages = ", ".join(
@@ -129,12 +132,13 @@ def main() -> None:
     print(
         "| actors | detail | shapes | triangles | load |"
         + "".join(f" {step} first | {step} |" for step in steps)
-        + " frame |"
+        + " frame | serial |"
     )
-    print("|" + "---|" * (6 + 2 * len(steps)))
+    print("|" + "---|" * (7 + 2 * len(steps)))
+    times = [1.0 + given.step * index for index in range(given.frames)]
     for detail in ["traffic"] if given.traffic else given.details.split(","):
         for count in (int(number) for number in given.actors.split(",")):
-            world, clock = measure(given.scene, given.scene_detail, count, detail, given.frames, given.traffic)
+            world, clock = measure(given.scene, given.scene_detail, count, detail, times, given.traffic)
             triangles = sum(len(world.mesh(part).faces) for part in range(len(world.parts.name)))
             cells = [
                 str(count),
@@ -143,12 +147,13 @@ def main() -> None:
                 str(triangles),
                 f"{clock.wall['load'][0]:.2f} / {clock.cpu['load'][0]:.2f}",
             ]
-            whole = 0.0
+            sums = np.zeros(3)
             for step in steps:
-                steady = float(np.median(clock.wall[step][1:]))
-                whole += steady
-                cells += [f"{clock.wall[step][0]:.3f}", f"{steady:.3f} / {np.median(clock.cpu[step][1:]):.3f}"]
-            print("| " + " | ".join([*cells, f"{whole:.3f}"]) + " |", flush=True)
+                steady = [float(np.median(kept[step][1:])) for kept in (clock.wall, clock.cpu, clock.main)]
+                sums += steady
+                cells += [f"{clock.wall[step][0]:.3f}", f"{steady[0]:.3f} / {steady[1]:.3f}"]
+            whole = f"{sums[0]:.3f} / {sums[1]:.3f}"
+            print("| " + " | ".join([*cells, whole, f"{sums[2] / sums[1]:.0%}"]) + " |", flush=True)
 
 
 if __name__ == "__main__":

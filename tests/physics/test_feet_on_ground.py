@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.engine.rays.footing import Footing
+from scarl_sionna.engine.rays.footing import BLOCK, Footing
 from scarl_sionna.engine.rays.geometry import Triangles
 from scarl_sionna.scenario.checks.motion import ground_heights
 from scarl_sionna.scenario.compose import build_world
@@ -149,3 +149,19 @@ def test_footing_is_the_highest_face_within_reach() -> None:
     places = np.array([[1.0, 1.0, 0.3], [2.0, 3.0, 0.3], [9.0, 1.0, 0.3], [3.0, 1.0, 0.3]])
     np.testing.assert_allclose(footing.heights(places, 0.3), [0.45, 0.5, np.nan, np.nan], atol=1e-12)
     np.testing.assert_allclose(footing.heights(places, 0.5), [0.45, 0.7, np.nan, 0.75], atol=1e-12)
+
+
+def test_footing_of_many_faces_is_that_of_every_face_looked_at() -> None:
+    step, count = 0.5, 2 * BLOCK
+    lift = np.random.default_rng(3).uniform(0.0, 0.2, count)
+    square = step * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    tiles = [square + [step * (row % 16), step * (row // 16), lift[row]] for row in range(count)]
+    triangles = Triangles.from_meshes(tiles, [np.array([[0, 1, 2]])] * count)
+    footing = Footing(triangles, np.ones(count, dtype=np.bool_))
+    rng = np.random.default_rng(4)
+    for _ in range(50):  # a triangle holds who is below the diagonal of its cell
+        places = np.column_stack([rng.uniform(-0.5, 8.5, 5), rng.uniform(-0.5, 4.5, 5), np.zeros(5)])
+        cell, within = np.divmod(places[:, :2] / step, 1.0)
+        known = (cell >= 0).all(axis=1) & (cell[:, 0] < 16) & (cell[:, 1] < count // 16) & (within.sum(axis=1) < 1.0)
+        level = lift[np.where(known, cell @ [1, 16], 0).astype(int)]
+        np.testing.assert_allclose(footing.heights(places, 0.3), np.where(known, level, np.nan), atol=1e-12)

@@ -13,6 +13,8 @@ Array = npt.NDArray[np.float64]
 
 STEEPEST = 0.1
 """Least vertical part of the unit normal of a face that counts: the bevel of a kerb does, its front does not."""
+BLOCK = 64
+"""Faces whose box is looked at before those of each."""
 
 
 class Footing:
@@ -36,26 +38,44 @@ class Footing:
         corners = self._triangles.corners[faces & (np.abs(self._triangles.normal[:, 2]) > STEEPEST)]
         return corners, corners[:, :, :2].min(axis=1), corners[:, :, :2].max(axis=1)
 
+    @cached_property
+    def _blocks(self) -> tuple[Array, Array]:
+        """Lower and upper corner of the box in plan of every `BLOCK` faces: neighbours of a mesh lie side by side."""
+        _, lower, upper = self._faces
+        starts = np.arange(0, len(lower), BLOCK)
+        return np.minimum.reduceat(lower, starts), np.maximum.reduceat(upper, starts)
+
+    def _near(self, low: Array, high: Array) -> Array:
+        """Return the corners of the faces whose box in plan meets another, from `low` to `high`, in their order."""
+        corners, lower, upper = self._faces
+        if not len(corners):
+            return corners
+        block = np.flatnonzero(_meet(*self._blocks, low, high))
+        rows = (BLOCK * block[:, None] + np.arange(BLOCK)).ravel()
+        rows = rows[rows < len(corners)]
+        return corners[rows[_meet(lower[rows], upper[rows], low, high)]]
+
     def heights(self, points: Array, reach: float) -> Array:
         """Return the height (N,) [m] of the highest face at most `reach` [m] above or below points (N, 3) [m, world].
 
         NaN where there is none.
         """
-        corners, lower, upper = self._faces
-        low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-        near = corners[np.all((lower <= high) & (upper >= low), axis=1)]
-        found = np.full(len(points), np.nan)
+        near = self._near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
         if not len(near):
-            return found
-        first, second = near[:, 1, :2] - near[:, 0, :2], near[:, 2, :2] - near[:, 0, :2]
-        size = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-        for row, point in enumerate(points):
-            away = point[:2] - near[:, 0, :2]
-            u = (away[:, 0] * second[:, 1] - away[:, 1] * second[:, 0]) / size
-            v = (first[:, 0] * away[:, 1] - first[:, 1] * away[:, 0]) / size
-            slack = 1e-9
-            height = near[:, 0, 2] + u * (near[:, 1, 2] - near[:, 0, 2]) + v * (near[:, 2, 2] - near[:, 0, 2])
-            under = (u >= -slack) & (v >= -slack) & (u + v <= 1.0 + slack) & (np.abs(height - point[2]) <= reach)
-            if under.any():
-                found[row] = height[under].max()
-        return found
+            return np.full(len(points), np.nan)
+        (x, y, z), (x1, y1, z1), (x2, y2, z2) = (near[:, corner].T for corner in range(3))
+        ax, ay, bx, by = x1 - x, y1 - y, x2 - x, y2 - y
+        size = ax * by - ay * bx
+        dx, dy = points[:, :1] - x, points[:, 1:2] - y
+        u, v = (dx * by - dy * bx) / size, (ax * dy - ay * dx) / size
+        height = z + u * (z1 - z) + v * (z2 - z)
+        slack = 1e-9
+        under = (u >= -slack) & (v >= -slack) & (u + v <= 1.0 + slack) & (np.abs(height - points[:, 2:]) <= reach)
+        highest = np.where(under, height, -np.inf).max(axis=1)
+        return np.where(np.isfinite(highest), highest, np.nan)
+
+
+def _meet(lower: Array, upper: Array, low: Array, high: Array) -> npt.NDArray[np.bool_]:
+    """Return which boxes in plan, (n, 2) each corner, meet another."""
+    (x0, y0), (x1, y1) = lower.T, upper.T
+    return np.asarray((x0 <= high[0]) & (x1 >= low[0]) & (y0 <= high[1]) & (y1 >= low[1]))

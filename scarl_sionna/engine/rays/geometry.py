@@ -69,13 +69,22 @@ class Triangles:
         """Return the triangles with some parts moved from their own frame into the world."""
         if not world_from_part:
             return self
-        corners = self.corners.copy()
-        normal, offset = self.normal.copy(), self.offset.copy()
+        corners, normal, offset = (np.empty_like(own) for own in (self.corners, self.normal, self.offset))
+        done = 0
         for rows, pose in self._runs(world_from_part):
-            corners[rows] = pose.apply(self.corners[rows])
-            normal[rows] = pose.rotate(self.normal[rows])
+            self._put(slice(done, rows.start), corners, normal, offset)
+            turn, points = pose.rotation.T, corners[rows].reshape(-1, 3)
+            np.matmul(self.corners[rows].reshape(-1, 3), turn, out=points)
+            points += pose.position
+            np.matmul(self.normal[rows], turn, out=normal[rows])
             offset[rows] = np.einsum("ij,ij->i", normal[rows], corners[rows, 0])
+            done = rows.stop
+        self._put(slice(done, None), corners, normal, offset)
         return Triangles(corners, normal, offset, self.first)
+
+    def _put(self, rows: slice, corners: Array, normal: Array, offset: Array) -> None:
+        """Copy some triangles as they are."""
+        corners[rows], normal[rows], offset[rows] = self.corners[rows], self.normal[rows], self.offset[rows]
 
     def _runs(self, world_from_part: Mapping[int, Pose]) -> Iterator[tuple[slice, Pose]]:
         """Yield the rows of neighbouring parts that have the same pose, and the pose."""
