@@ -11,6 +11,11 @@ from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.light.lamps import BRAKE_INTENSITY, INDICATOR_INTENSITY
 from scarl_sionna.engine.light.sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
+from scarl_sionna.scenario.motion.bodies import ActorBody
+from scarl_sionna.scenario.motion.paths import LateralShift
+from scarl_sionna.scenario.motion.routes import Route, vehicle_trajectory
+from scarl_sionna.scenario.traffic.planned import PresentTrajectory
+from scarl_sionna.scene.lanes import lanes_from_tables
 from scarl_sionna.scene.motion.signalling import BRAKING, indicated, is_braking, is_flash, is_parked
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, StaticTrajectory, WaypointTrajectory
 
@@ -67,6 +72,29 @@ def test_a_change_of_lane_is_indicated_before_and_while_it_lasts(shift, side):
 def test_no_bend_of_the_road_is_a_change_of_lane(radius, speed):
     """An arc ends on the mean of its headings from where it begins: the chord's direction."""
     assert {indicated(arc(radius, speed), t) for t in np.linspace(0.0, 12.0, 49)} == {None}
+
+
+def swinging(shifts=()):
+    """Return a drive at 15 m/s along a lane that swings 3.5 m to the left from 60 to 105 m, and changes beside it."""
+    x = np.arange(0.0, 301.0)
+    share = np.clip((x - 60.0) / 45.0, 0.0, 1.0)
+    points = np.column_stack([x, 3.5 * 0.5 * (1.0 - np.cos(np.pi * share)), np.zeros_like(x)])
+    network = lanes_from_tables([{"name": "a", "points": points.tolist()}])
+    return points, Route(network, ["a"], shifts=shifts).trajectory(5.0, 15.0, model=ActorBody(), duration=12.0)
+
+
+def test_a_road_that_swings_aside_is_no_change_of_lane():
+    """By points alone it looks like one; who leaves the swinging lane for the next one indicates."""
+    points, way = swinging()
+    times = np.linspace(0.5, 11.5, 45)
+    assert {indicated(way, t) for t in times} == {None}
+    assert "left" in {
+        indicated(vehicle_trajectory(points[5:185], speed=15.0, model=ActorBody()), t) for t in times[:-4]
+    }
+    _, changing = swinging([LateralShift(100.0, 45.0, -3.5)])
+    assert [indicated(changing, t) for t in (0.5, 6.0, 7.5, 11.0)] == [None, "right", "right", None]
+    hidden = PresentTrajectory(changing, (0.0, 12.0))
+    assert indicated(hidden, 6.0) == "right"
 
 
 def test_a_turn_is_indicated():

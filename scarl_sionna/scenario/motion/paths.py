@@ -139,9 +139,23 @@ class SmoothPath:
         fitted = _least_squares(way, dense, smoothing)
         self._spline, self._ways, self._chords = _by_arc_length(fitted, way, smoothing)
         self._slopes = tuple(self._spline.derivative(order) for order in (1, 2, 3))
+        self._shifts, self._follows_lanes = tuple(shifts), False
         self.length = float(self.way_of(chord[-1]))
         anchors = np.stack([np.interp(chord, way, dense[:, axis]) for axis in range(3)], axis=1)
         self.deviation = float(np.linalg.norm(self.at(self.way_of(chord)) - anchors, axis=1).max())
+
+    def of_lanes(self) -> SmoothPath:
+        """Return the curve as one whose points are those of lanes: what is beside them is `shifts` alone."""
+        other = copy.copy(self)
+        other._follows_lanes = True
+        return other
+
+    def aside(self, way: Array) -> Array | None:
+        """Return how far the shifts have moved it to the left [m] at ways (N,) [m]; None where it follows no lanes."""
+        if not self._follows_lanes:
+            return None
+        chord = np.interp(way, self._ways, self._chords)
+        return sum((shift.at(chord) for shift in self._shifts), np.zeros_like(chord))
 
     def on_ground(self, heights: Callable[[Array], Array]) -> SmoothPath:
         """Return the curve with the same plan on a ground with ramps and kerbs.
@@ -350,6 +364,10 @@ class PathTrajectory:
         _, heading, slope, linear, _ = self.sample(times)
         flat = linear[:, 0] * np.cos(heading) + linear[:, 1] * np.sin(heading)
         return np.asarray(flat * np.cos(slope) + linear[:, 2] * np.sin(slope))
+
+    def lane_offsets(self, times: Array) -> Array | None:
+        """Return how far it is to the left of its lanes [m] at times (N,) [s]; None where it follows none."""
+        return self.path.aside(np.asarray(self.way(np.clip(times, self.start, self.stop))))
 
     def wheel_way(self, time: float, place: tuple[float, float]) -> WheelWay:
         r"""Return where a wheel at x, y of the body [m] points that goes without slip, and how far it has rolled.

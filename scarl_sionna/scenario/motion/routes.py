@@ -110,7 +110,8 @@ class Route:
         """
         points, _ = route_points(self.network, self.lanes)
         body = body_of(model)
-        path = SmoothPath(points, smoothing_of(body), (body.length + 1.0, 0.5), self.offset, self.shifts)
+        beyond = (body.length + 1.0, 0.5)
+        path = SmoothPath(points, smoothing_of(body), beyond, self.offset, self.shifts).of_lanes()
         profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile(float(speed))
         rear = float(path.way_of(start)) + body.rear_axle
         room = path.length - body.wheelbase - rear

@@ -45,7 +45,7 @@ class RoutePaths:
         key = tuple(route), smoothing_of(body), room
         if key not in self._known:
             points = line_of([self._tracks[index] for index in route])[0]
-            self._known[key] = SmoothPath(points, key[1], (room, room))
+            self._known[key] = SmoothPath(points, key[1], (room, room)).of_lanes()
         return self._known[key]
 
     def changed(self, driver: Legs, body: ActorBody, span: tuple[float, float]) -> tuple[SmoothPath, Array, Array]:

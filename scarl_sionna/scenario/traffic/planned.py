@@ -13,7 +13,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
 from scarl_sionna.scene.lanes import LaneNetwork
-from scarl_sionna.scene.motion.trajectory import Trajectory, WheelWay, forward_speeds, wheel_way
+from scarl_sionna.scene.motion.trajectory import Trajectory, WheelWay, forward_speeds, lane_offsets, wheel_way
 
 Array = npt.NDArray[np.float64]
 Ground = Callable[[Array], Array]
@@ -113,6 +113,10 @@ class PresentTrajectory:
     def wheel_way(self, time: float, place: tuple[float, float]) -> WheelWay | None:
         """Return where a wheel of the motion points and how far it has rolled; None where the motion does not say."""
         return wheel_way(self.motion, time, place)
+
+    def lane_offsets(self, times: Array) -> Array | None:
+        """Return how far the motion is to the left of the lanes that it follows [m]; None where it follows none."""
+        return lane_offsets(self.motion, times)
 
     def forward_speeds(self, times: Array) -> Array:
         """Return the speeds of the motion along its heading [m/s] at times (N,) [s]."""

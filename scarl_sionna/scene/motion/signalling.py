@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from .trajectory import StaticTrajectory, Trajectory, forward_speeds, known_until
+from .trajectory import StaticTrajectory, Trajectory, forward_speeds, known_until, lane_offsets
 
 Side = Literal["left", "right"]
 BRAKING = 1.0
@@ -58,9 +58,9 @@ def _braking(trajectory: Trajectory, times: npt.NDArray[np.float64]) -> npt.NDAr
 def indicated(trajectory: Trajectory, time: float) -> Side | None:
     """Return the side to which a vehicle indicates at a time [s].
 
-    It turns off where its heading changes by `TURN`. It changes lane where it goes aside by `SHIFT` between two times
-    around this one at which it has the same heading, and `LEFT_TO_GO` of that lies ahead: along a bend, which turns it,
-    none is. A road that swings aside by a lane's width and back looks the same.
+    It turns off where its heading changes by `TURN`. It changes lane where it goes aside by `SHIFT`, and `LEFT_TO_GO`
+    of that lies ahead: aside of the lanes that it follows, in bends as well; where it follows none, aside between two
+    times around this one at which it has the same heading. A way by points that swings aside as much looks the same.
     """
     if is_parked(trajectory):
         return None
@@ -69,14 +69,18 @@ def indicated(trajectory: Trajectory, time: float) -> Side | None:
     if abs(turn) > TURN:
         return "left" if turn > 0.0 else "right"
     grid = np.concatenate([np.arange(-BEHIND, 0.0, _LOOK), [0.0], np.arange(_LOOK, AHEAD + 1e-9, _LOOK)])
-    yaw, place = _ways(trajectory, time + grid)
     now = int(np.flatnonzero(grid == 0.0)[0])
     first, last = np.meshgrid(np.arange(now + 1), np.arange(now + 1, len(grid)), indexing="ij")
-    turned = _wrapped(yaw[last] - yaw[first])
-    along = yaw[first] + 0.5 * turned
-    across = np.stack([-np.sin(along), np.cos(along)], axis=-1)
-    aside = np.sum((place[last] - place[first]) * across, axis=-1)
-    to_go = np.sum((place[last] - place[now]) * across, axis=-1)
+    offsets = lane_offsets(trajectory, time + grid)
+    if offsets is not None:
+        turned, aside, to_go = np.zeros(first.shape), offsets[last] - offsets[first], offsets[last] - offsets[now]
+    else:
+        yaw, place = _ways(trajectory, time + grid)
+        turned = _wrapped(yaw[last] - yaw[first])
+        along = yaw[first] + 0.5 * turned
+        across = np.stack([-np.sin(along), np.cos(along)], axis=-1)
+        aside = np.sum((place[last] - place[first]) * across, axis=-1)
+        to_go = np.sum((place[last] - place[now]) * across, axis=-1)
     low, high = SHIFT
     found = (np.abs(turned) < STRAIGHT) & (np.abs(aside) > low) & (np.abs(aside) < high)
     found &= to_go * np.sign(aside) > LEFT_TO_GO * np.abs(aside)

@@ -24,7 +24,8 @@ class Trajectory(Protocol):
     A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for
     many times at once, a method ``is_present(time)``, which is False while the body is not in the scene: it then has no
     box, a method ``wheel_way(time, place)``, see the function of that name, where it knows its bends also while it
-    stands, and an attribute ``known_until``, see the function of that name.
+    stands, a method ``lane_offsets(times)``, see the function of that name, where it follows lanes, and an attribute
+    ``known_until``, see the function of that name.
     """
 
     @property
@@ -70,6 +71,15 @@ def wheel_way(trajectory: Trajectory, time: float, place: tuple[float, float]) -
     """Return how a wheel at x, y of a body [m] goes at a time [s]; None for a trajectory that does not say."""
     says = getattr(trajectory, "wheel_way", None)
     return None if says is None else says(time, place)
+
+
+def lane_offsets(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[np.float64] | None:
+    """Return how far an actor is to the left of the lanes that it follows [m] at times (N,) [s].
+
+    Up to a constant; None for a trajectory that follows none, or does not say.
+    """
+    says = getattr(trajectory, "lane_offsets", None)
+    return None if says is None else says(np.asarray(times, dtype=np.float64))
 
 
 def forward_speeds(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[np.float64]:
