@@ -19,9 +19,10 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as a shell starts what 
 import pytest
 from hypothesis import settings
 
-from scarl_sionna.engine.memory import forget_peak, release_memory, resident_bytes
+from scarl_sionna.engine.memory import forget_peak, release_memory, resident_bytes, share_heaps
 from tests import own_process
 
+share_heaps()  # a worker would come to hold 1.4 GB of freed memory at the ends of its threads' heaps
 gc.disable()  # until all tests are collected: nothing of them goes before the end, and looking for it takes seconds
 
 # no deadline: an example takes longer on a machine with other work; in CI the same examples in every run, so that a
@@ -38,7 +39,7 @@ MUCH_MEMORY, MORE_MEMORY = 0.6e9, 0.1e9
 takes 0.3 GB, TensorFlow 0.5 GB more."""
 FULL_MEMORY = 1.2e9
 """A process that holds more than this after giving back starts the tests of a further file in another process: what
-compiled kernels, modules and a scattered heap take grows with the number of files, some 4 MB each."""
+compiled kernels, modules and a scattered heap take grows with the number of files."""
 PEAKS = pytest.StashKey[dict[str, int]]()
 """Peak of each file's tests [bytes]."""
 

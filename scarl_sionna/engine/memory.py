@@ -6,7 +6,7 @@ import ctypes
 import gc
 import sys
 
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 """Parameters of glibc's mallopt, as in malloc.h."""
 
 
@@ -43,17 +43,31 @@ def keep_freed_memory() -> None:
     array over 128 kB anew: 40 times the page faults of a frame, and half as much CPU time again (docs/export.md). Set
     are the largest thresholds that glibc comes to by itself. Does nothing without glibc.
     """
+    _set_allocator({_M_MMAP_THRESHOLD: 32 << 20, _M_TRIM_THRESHOLD: 64 << 20})
+
+
+def share_heaps(count: int = 2) -> None:
+    """Let new threads share some heaps of the C library instead of having one each, up to eight a core.
+
+    What is freed at the end of a thread's heap, up to 64 MB, `release_memory` cannot give back: a process that starts
+    many threads comes to hold 16 MB and more for each heap. Call it before threads are started, where memory counts
+    more than threads that wait for each other when they allocate. Does nothing without glibc.
+    """
+    _set_allocator({_M_ARENA_MAX: count})
+
+
+def _set_allocator(values: dict[int, int]) -> None:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
-        mallopt(_M_MMAP_THRESHOLD, 32 << 20)
-        mallopt(_M_TRIM_THRESHOLD, 64 << 20)
+        for name, value in values.items():
+            mallopt(name, value)
 
 
 def release_memory() -> None:
     """Give memory that nothing uses back to the system.
 
     Worlds hang in cycles until Python's collector runs, Dr.Jit keeps freed arrays for the next ones of their size, and
-    the C library keeps freed pages of its threads. Call it between unrelated worlds in a process that loads many. It
+    the C library keeps freed pages. Call it between unrelated worlds in a process that loads many. It
     takes some 0.3 s, changes no result, and does nothing to what is still referred to.
     """
     gc.collect()

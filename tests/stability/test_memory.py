@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import platform
+import subprocess
 import sys
 from pathlib import Path
 
@@ -32,6 +34,45 @@ def test_loaded_and_dropped_worlds_leave_nothing() -> None:
     # Three loads after the second, when all kernels are there: 36 MB if one texture were lost, a few pages of the heap
     # if none
     assert taken[-1] - taken[1] < 20e6
+
+
+HELD = """
+import sys, threading
+import numpy as np
+from scarl_sionna.engine.memory import release_memory, resident_bytes, share_heaps
+
+if sys.argv[1] == "share":
+    share_heaps()
+large = np.zeros(31 << 20, np.uint8)  # once freed, arrays of this size come from heaps
+del large
+before = resident_bytes()[0]
+together = threading.Barrier(16)
+
+def work():
+    for _ in range(3):
+        together.wait()
+        array = np.ones(1 << 20, complex)
+        together.wait()
+        del array
+
+threads = [threading.Thread(target=work) for _ in range(16)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+release_memory()
+print(resident_bytes()[0] - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="an allocator of another kind")
+def test_threads_that_share_heaps_leave_less() -> None:
+    own, shared = (
+        int(subprocess.run([sys.executable, "-c", HELD, how], capture_output=True, text=True, check=True).stdout)
+        for how in ("own", "share")
+    )
+    assert shared < 80e6  # one end of 64 MB, that of the heap that is not the first
+    assert own > 120e6
 
 
 def different_world(folder: Path, number: int) -> Path:
