@@ -22,8 +22,10 @@ _PLANNED = 1.8
 """What they aim at [m/s^2]: speeds are kept to within some per cent."""
 _CHANGE = 1.5
 """Acceleration along the way while a bend is entered or left [m/s^2]: it moves the body's middle to the side, too."""
-_CRAWL = 1.0
-"""Speed at which any bend is taken [m/s]."""
+_CRAWL, _STEP = 1.0, 0.5
+"""Speed at which any bend is taken, on wheels and on foot [m/s]."""
+_STEPS = 2.0
+"""How much farther apart the knots of walkers' paths are than elsewhere: a lane's corner is taken in some steps."""
 _SAMPLE = 0.5
 """Distance of the places at which a bend is looked at [m]."""
 _MORE = 12.0
@@ -42,10 +44,11 @@ class RoutePaths:
     def path(self, route: Sequence[int], body: ActorBody) -> SmoothPath:
         """Return the path along tracks that a body takes, with room for it before the start and behind the end."""
         room = _ROOM * float(np.ceil((body.length + 1.0) / _ROOM))
-        key = tuple(route), smoothing_of(body), room
+        key = tuple(route), smoothing_of(body) * (1.0 if body.wheelbase > 0.0 else _STEPS), room
         if key not in self._known:
-            points = line_of([self._tracks[index] for index in route])[0]
-            self._known[key] = SmoothPath(points, key[1], (room, room)).of_lanes()
+            tracks = [self._tracks[index] for index in route]
+            path = SmoothPath(line_of(tracks)[0], key[1], (room, room), -tracks[0].right)
+            self._known[key] = path.of_lanes()
         return self._known[key]
 
     def changed(self, driver: Legs, body: ActorBody, span: tuple[float, float]) -> tuple[SmoothPath, Array, Array]:
@@ -109,4 +112,5 @@ def bend_speeds(path: SmoothPath, body: ActorBody, fronts: Array) -> Array:
     speed = np.sqrt(left / np.maximum(tightest, 1e-6))
     reach = round(1.0 / _SAMPLE)
     widest = np.lib.stride_tricks.sliding_window_view(speed, 2 * reach + 1).min(1)
-    return np.maximum(np.interp(fronts - behind, chord[reach : reach + len(widest)], widest), _CRAWL)
+    least = _CRAWL if body.wheelbase > 0.0 else _STEP
+    return np.maximum(np.interp(fronts - behind, chord[reach : reach + len(widest)], widest), least)

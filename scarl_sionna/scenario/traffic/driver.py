@@ -99,9 +99,8 @@ class Driver:
         for index, enter in zip(route, self.enters[first:], strict=True):
             limits[max(math.ceil(enter) - kept, 0) :] = tracks[index].speed
         limits = np.minimum(limits * self.share, self.top_speed)
-        if tracks[route[0]].kind != "walk":
-            path = paths.path(route, self.body)
-            limits = np.minimum(limits, bend_speeds(path, self.body, ways - self.starts[first]))
+        path = paths.path(route, self.body)
+        limits = np.minimum(limits, bend_speeds(path, self.body, ways - self.starts[first]))
         rise = 2.0 * _EASE * self.braking * np.arange(len(ways))  # braking in time: v(x)^2 <= v(x + 1)^2 + 2 b
         squares = np.minimum.accumulate((limits**2 + rise)[::-1])[::-1] - rise
         self.limits = np.concatenate([self.limits[:kept], np.sqrt(squares)])

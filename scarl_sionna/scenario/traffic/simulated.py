@@ -16,14 +16,13 @@ from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.seeds import generator
 from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, body_of, usual_pace
-from scarl_sionna.scenario.motion.paths import PathTrajectory, SmoothPath, sample_motion
+from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.profiles import way_from_states
-from scarl_sionna.scenario.motion.routes import smoothing_of
 from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
-from .bends import RoutePaths, along_line, line_of
+from .bends import RoutePaths, along_line
 from .driver import Driver
 from .drivers import PASSES, Crowd, Obstacle, fresh, is_outside, thinned, too_many
 from .people import walkers
@@ -361,16 +360,8 @@ class _Drive:
         if driver.changes:
             path, known, along = self.paths.changed(driver, body, (float(span[0]), float(span[1])))
             span, start = along_line(span, known, along), 0.0
-        elif body.wheelbase > 0.0:
-            path, start = self.paths.path(driver.route, body), 0.0
         else:
-            points, chord = line_of(route)
-            low, high = chords[0] - 12.0, states[-1, 0] + 12.0
-            first, last = np.searchsorted(chord, [low, high])
-            kept = slice(max(int(first) - 1, 0), min(int(last) + 1, len(chord)))
-            room = (body.length + 1.0, body.length + 1.0)
-            path = SmoothPath(points[kept], smoothing_of(body), room, offset=-route[0].right)
-            start = float(chord[kept][0])
+            path, start = self.paths.path(driver.route, body), 0.0
         ends = path.way_of(span - start)
         scale = (ends[1] - ends[0]) / (chords[-1] - chords[0]) if chords[-1] - chords[0] > 5.0 else 1.0
         ways = ends[0] + scale * (chords - chords[0])
