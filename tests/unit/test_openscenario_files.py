@@ -26,6 +26,7 @@ from tests import openscenario_files as files
         ("$speed", "36"),
         ("${$speed / 3.6}", "10"),
         ("${-2 * ($speed - 30) + 1}", "-11"),
+        ("${round(2 * pi * 1000)}", "6283"),
         ("${round(2.5) + floor(2.7) + ceil(2.1) + sqrt(9) + pow(2, 3) + abs(-1) + sign(-4)}", "19"),
         ("${$speed > 30 and not $wet}", "true"),
         ("${max(1, $speed, 2) % 7}", "1"),

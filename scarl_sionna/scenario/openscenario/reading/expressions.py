@@ -31,6 +31,8 @@ _FUNCTIONS: Mapping[str, Callable[..., float]] = {
     "min": min,
     "max": max,
 }
+_CONSTANTS: Mapping[str, float] = {"pi": math.pi}
+"""Not in the standard, but in files for esmini."""
 _COMPARED: Mapping[type[ast.cmpop], Callable[[Any, Any], bool]] = {
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
@@ -122,7 +124,7 @@ def _evaluate(node: ast.expr, names: Mapping[str, Any], depth: int) -> Any:  # n
     if isinstance(node, ast.Constant) and isinstance(node.value, bool | int | float):
         return float(node.value) if not isinstance(node.value, bool) else node.value
     if isinstance(node, ast.Name):
-        return names[node.id]
+        return names[node.id] if node.id in names else _CONSTANTS[node.id]
     if isinstance(node, ast.BinOp):
         left, right = _evaluate(node.left, names, inner), _evaluate(node.right, names, inner)
         return _BINARY[type(node.op)](_number(left), _number(right))
