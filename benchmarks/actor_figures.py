@@ -32,7 +32,10 @@ from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, Static
 from scenes_xml.actors.bodies import family
 from scenes_xml.actors.bodies.companions import MODELS as COMPANIONS
 
-VEHICLES = ("small_car", "saloon", "estate", "suv", "pickup", "van", "box_van", "lorry", "bus", "coach", "tram")
+VEHICLES = (
+    "small_car", "saloon", "estate", "suv", "pickup", "van", "box_van", "lorry", "articulated_lorry", "bus", "coach",
+    "tram",
+)  # fmt: skip # a table
 COLORFUL = ("saloon", "van", "lorry", "bus")
 VIEWS = {
     "front": (33.0, 11.0),

@@ -26,7 +26,10 @@ from scarl_sionna.core.units import power_to_db
 from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 
-VEHICLES = ("small_car", "saloon", "estate", "suv", "pickup", "van", "box_van", "lorry", "bus", "coach", "tram")
+VEHICLES = (
+    "small_car", "saloon", "estate", "suv", "pickup", "van", "box_van", "lorry", "articulated_lorry", "bus", "coach",
+    "tram",
+)  # fmt: skip # a table
 FREQUENCY = 77e9
 THETA = np.radians(90.6)
 SETTINGS = SbrSettings(ray_spacing=16.0, edge_spacing=8.0, bisections=5)

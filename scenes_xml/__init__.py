@@ -35,9 +35,11 @@ def scene_names() -> tuple[str, ...]:
 def actor_names() -> tuple[str, ...]:
     """Return the names of the actor models in this package, sorted.
 
-    Folders of ``actors`` with an ``actor.toml``, and the people of ``actors/bodies``, who share one packed file.
+    Folders of ``actors`` with an ``actor.toml``, the people of ``actors/bodies``, who share one packed file, and
+    what ``actors/made.py`` makes.
     """
-    return tuple(sorted([*(p.parent.name for p in _ROOT.glob("actors/*/actor.toml")), *_people().names()]))
+    packed = (p.parent.name for p in _ROOT.glob("actors/*/actor.toml"))
+    return tuple(sorted([*packed, *_people().names(), *_made().NAMES]))
 
 
 def person_ages() -> dict[str, int]:
@@ -47,6 +49,10 @@ def person_ages() -> dict[str, int]:
 
 def _people() -> ModuleType:
     return importlib.import_module("scenes_xml.actors.bodies.family")
+
+
+def _made() -> ModuleType:
+    return importlib.import_module("scenes_xml.actors.made")
 
 
 def scene_path(name: str, variant: int = 0, detail: str = "detailed") -> Path:
@@ -125,8 +131,9 @@ def actor_path(name: str) -> Path:
     """
     if name not in actor_names():
         raise KeyError(f"no actor model {name!r} in scenes_xml; choose one of {', '.join(actor_names())}")
-    if name in _people().names():
-        return _person_path(name)
+    for maker, names in ((_people(), _people().names()), (_made(), _made().NAMES)):
+        if name in names:
+            return _made_path(name, maker)
     source = _ROOT / "actors" / name
     files = [f"{name}/{file}" for file in ("actor.toml", f"{name}.xml", f"{name}_light.xml", *_packed_files(source))]
 
@@ -137,14 +144,14 @@ def actor_path(name: str) -> Path:
     return kept_folder("models", f"{name}-{packing.content_key(source)}", files, fill) / name / "actor.toml"
 
 
-def _person_path(name: str) -> Path:
-    """Return the path of a person's ``actor.toml``; the model is made of the shared file."""
+def _made_path(name: str, maker: ModuleType) -> Path:
+    """Return the path of the ``actor.toml`` of a model that a module makes."""
 
     def fill(place: Path) -> None:
-        _people().build(name, place / name)
+        maker.build(name, place / name)
 
     files = [f"{name}/{file}" for file in ("actor.toml", f"{name}.xml", f"{name}_light.xml")]
-    return kept_folder("models", f"{name}-{_people().key()}", files, fill) / name / "actor.toml"
+    return kept_folder("models", f"{name}-{maker.key()}", files, fill) / name / "actor.toml"
 
 
 def _packed_files(source: Path) -> tuple[str, ...]:

@@ -16,7 +16,10 @@ from scenes_xml.actors.bodies.table import PEOPLE, Person
 
 REPO = Path(__file__).resolve().parents[1]
 PAGE = REPO / "docs" / "actors.md"
-VEHICLES = ("small_car", "saloon", "estate", "suv", "pickup", "van", "box_van", "lorry", "bus", "coach", "tram")
+VEHICLES = (
+    "small_car", "saloon", "estate", "suv", "pickup", "van", "box_van", "lorry", "articulated_lorry", "bus", "coach",
+    "tram",
+)  # fmt: skip # a table
 GROUPS = ("vehicles", "people", "ages")
 HEAD = (
     "| model | length x width x height [m] | wheelbase [m] | shapes, triangles | light: shapes, "

@@ -1,6 +1,6 @@
 """Build the actor models.
 
-``python -m scenes_xml.actors.build [model ...]`` writes XML, actor.toml and packed meshes of each.
+``python -m scenes_xml.actors.build [model ...]`` writes XML, actor.toml and packed meshes of each that is packed.
 
 Everything follows from the numbers in this package; a second run gives the same bytes.
 """
@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from ..packing import write_packed
-from . import cars, cycles, heavy
+from . import cars, cycles, heavy, made
 from .model import Model, write_model
 
 MODELS: dict[str, Callable[[], Model]] = {
@@ -21,6 +21,7 @@ MODELS: dict[str, Callable[[], Model]] = {
     "van": heavy.make_van,
     "box_van": heavy.make_box_van,
     "lorry": heavy.make_lorry,
+    "articulated_lorry": heavy.make_articulated_lorry,
     "bus": heavy.make_bus,
     "coach": heavy.make_coach,
     "tram": heavy.make_tram,
@@ -35,9 +36,10 @@ def build(name: str, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    chosen = sys.argv[1:] or list(MODELS)
-    unknown = sorted(set(chosen) - set(MODELS))
+    packed = [name for name in MODELS if name not in made.NAMES]
+    chosen = sys.argv[1:] or packed
+    unknown = sorted(set(chosen) - set(packed))
     if unknown:
-        raise SystemExit(f"no actor model {', '.join(unknown)}; choose from {', '.join(MODELS)}")
+        raise SystemExit(f"no packed actor model {', '.join(unknown)}; choose from {', '.join(packed)}")
     for model in chosen:
         write_packed(Path(__file__).resolve().parent / model, partial(build, model))

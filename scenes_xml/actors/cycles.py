@@ -8,10 +8,11 @@ from ..generators.geometry.mesh import Mesh
 from ..generators.people import clothing, pedestrian
 from ..generators.people.pedestrian import FOOT, LOWER_LEG, UPPER_LEG, BodyShape
 from ..generators.people.posture import Posture, head_frame, posed, set_at, torso_frame
-from ..generators.vehicles import bicycle, kick_scooter, motorcycle
-from ..generators.vehicles.bicycle import BicycleShape
-from ..generators.vehicles.kick_scooter import KickScooterShape
-from ..generators.vehicles.motorcycle import MotorcycleShape
+from ..generators.vehicles.cycles import bicycle, cargo_bike, kick_scooter, motorcycle
+from ..generators.vehicles.cycles.bicycle import BicycleShape
+from ..generators.vehicles.cycles.cargo_bike import CargoBikeShape
+from ..generators.vehicles.cycles.kick_scooter import KickScooterShape
+from ..generators.vehicles.cycles.motorcycle import MotorcycleShape
 from ..generators.xml import Bsdf
 from .materials import ROLES, VEHICLE, paint
 from .model import Color, Model, Part, bounds
@@ -25,6 +26,14 @@ BODY: dict[str, Bsdf] = {
     "skin": bare((0.50, 0.31, 0.22)),
     "hair": hair((0.045, 0.028, 0.018)),
     "bag": bag((0.05, 0.06, 0.08)),
+    "board": Bsdf(
+        "principled",
+        "plywood",
+        0.5,
+        "estimate, lacquered plywood",
+        color=(0.30, 0.19, 0.10),
+        floats={"roughness": 0.5, "specular": 0.4},
+    ),
     "helmet": Bsdf(
         "principled",
         "plastic",
@@ -97,14 +106,20 @@ SEAT = Posture(hip=(-0.345, 0.0, 1.015), lean_deg=33.0, grip=BICYCLE.grip, gaze_
 
 
 def _cyclist(light: bool) -> dict[str, tuple[Mesh, str]]:
-    parts = {name: part for name, part in bicycle.build(BICYCLE, light).items()}
+    parts = _with_rider(bicycle.build(BICYCLE, light), light)
+    if not light:
+        parts["rider_backpack"] = (set_at(clothing.backpack(RIDER), *torso_frame(SEAT)), "bag")
+    return parts
+
+
+def _with_rider(cycle: Mapping[str, tuple[Mesh, str]], light: bool) -> dict[str, tuple[Mesh, str]]:
+    """Return the parts of a bicycle and of who rides it."""
+    parts = dict(cycle)
     parts |= {f"rider_{name}": part for name, part in posed(RIDER, SEAT, light).items()}
     loose = pedestrian.body(RIDER, light)
     parts |= {f"{side}_{part}": loose[f"{side}_{part}"] for side in ("left", "right") for part in LEGS}
     del parts["rider_head_hair"]
     parts["rider_helmet"] = (set_at(clothing.bicycle_helmet(RIDER, light), *head_frame(RIDER, SEAT)), "helmet")
-    if not light:
-        parts["rider_backpack"] = (set_at(clothing.backpack(RIDER), *torso_frame(SEAT)), "bag")
     return parts
 
 
@@ -147,11 +162,21 @@ def cyclist() -> Model:
             "bag": (0.10, 0.10, 0.11),
         },
     }
-    legs = {
+    joints = [*_wheels(tuple(BICYCLE.front), tuple(BICYCLE.rear), BICYCLE.wheel_radius), _legs()]
+    return _model(head, _cyclist, variants, joints, MOVING)
+
+
+MOVING = ("cranks", *(f"{side}_{part}" for side in ("left", "right") for part in ("pedal", *LEGS)))
+"""Shapes in frames of their own."""
+
+
+def _legs(shift: float = 0.0) -> Mapping[str, object]:
+    """Return the joint of the rider's legs on a bicycle that stands `shift` behind the city bicycle [m]."""
+    return {
         "kind": "pedal",
-        "axle": list(BICYCLE.axle),
+        "axle": [round(BICYCLE.axle[0] - shift, 6), BICYCLE.axle[1]],
         "crank": BICYCLE.crank,
-        "hip": [SEAT.hip[0], SEAT.hip[2]],
+        "hip": [round(SEAT.hip[0] - shift, 6), SEAT.hip[2]],
         "foot_y": BICYCLE.foot_y,
         "upper_leg": round(UPPER_LEG * RIDER.height, 6),
         "lower_leg": round(LOWER_LEG * RIDER.height, 6),
@@ -163,9 +188,54 @@ def cyclist() -> Model:
         "gear": BICYCLE.gear,
         "cadence_limit": 95.0,
     }
-    joints = [*_wheels(tuple(BICYCLE.front), tuple(BICYCLE.rear), BICYCLE.wheel_radius), legs]
-    moving = ("cranks", *(f"{side}_{part}" for side in ("left", "right") for part in ("pedal", *LEGS)))
-    return _model(head, _cyclist, variants, joints, moving)
+
+
+CARGO_BIKE = CargoBikeShape()
+
+
+def _carrier(light: bool) -> dict[str, tuple[Mesh, str]]:
+    back = (-CARGO_BIKE.shift, 0.0, 0.0)
+    parts = _with_rider(cargo_bike.build(CARGO_BIKE, light), light)
+    return {name: (mesh if name in MOVING else mesh.moved(back), role) for name, (mesh, role) in parts.items()}
+
+
+def carrier() -> Model:
+    """Return a cargo bike with a box before a rider of 1.75 m, who pedals as the cyclist does."""
+    rear, shift, radius = -BICYCLE.wheelbase / 2.0, CARGO_BIKE.shift, CARGO_BIKE.front_radius
+    front = CARGO_BIKE.front_x - shift
+    head = {
+        "name": "cargo_bike",
+        "title": "Cargo bike with its box before the rider",
+        "class": "Bicycle",
+        "motion": "cycle",
+        "wheelbase": round(CARGO_BIKE.front_x - rear, 6),
+        "rear_axle": round(rear - shift, 6),
+    }
+    variants = {
+        "plywood": {
+            "paint": (0.02, 0.02, 0.022),
+            "top": (0.02, 0.17, 0.18),
+            "helmet": (0.60, 0.60, 0.58),
+            "board": (0.30, 0.19, 0.10),
+        },
+        "white": {
+            "paint": (0.45, 0.05, 0.03),
+            "top": (0.03, 0.06, 0.16),
+            "helmet": (0.03, 0.03, 0.03),
+            "board": (0.60, 0.60, 0.58),
+        },
+        "green": {
+            "paint": (0.03, 0.13, 0.06),
+            "top": (0.40, 0.24, 0.11),
+            "helmet": (0.40, 0.05, 0.04),
+            "board": (0.03, 0.13, 0.06),
+        },
+    }
+    wheels = [
+        *_wheels((round(front, 6), 0.0, radius), (0.0, 0.0, 0.0), radius)[:1],
+        *_wheels((0.0, 0.0, 0.0), (round(rear - shift, 6), 0.0, BICYCLE.wheel_radius), BICYCLE.wheel_radius)[1:],
+    ]
+    return _model(head, _carrier, variants, [*wheels, _legs(shift)], MOVING)
 
 
 SCOOTER = KickScooterShape()
@@ -276,5 +346,10 @@ def biker() -> Model:
     return _model(head, _biker, variants, _wheels((half, 0.0, radius), (-half, 0.0, radius), radius))
 
 
-MODELS: dict[str, Callable[[], Model]] = {"bicycle": cyclist, "scooter": scooter, "motorcycle": biker}
+MODELS: dict[str, Callable[[], Model]] = {
+    "bicycle": cyclist,
+    "cargo_bike": carrier,
+    "scooter": scooter,
+    "motorcycle": biker,
+}
 """Name of each model -> the function that makes it."""

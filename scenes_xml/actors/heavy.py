@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 from ..generators.geometry.mesh import Mesh
-from ..generators.vehicles import box_van, bus, lorry, tram, van
+from ..generators.vehicles import articulated, box_van, bus, lorry, tram, van
 from ..generators.vehicles.vehicle_parts import one_side
 from . import materials
-from .cars import joints
+from .cars import INSIDE, joints
 from .materials import ROLES, VEHICLE, Color
 from .model import Model, Part
 
@@ -32,6 +32,8 @@ LOADED = {
     ),
 }
 """What vehicles with a load box have beside `VEHICLE`."""
+OCCUPANTS = ["people_clothes", "people_skin", "people_hair"]
+"""Shapes of who sits inside at the detailed level."""
 
 
 def _parts(found: dict[str, tuple[Mesh, str]]) -> dict[str, Part]:
@@ -74,10 +76,10 @@ def make_van() -> Model:
     y = van.OUTER - van.WHEEL.tyre_width / 2
     centres = {name: (x, y if left else -y, van.WHEEL.radius) for name, (x, left) in van.WHEELS.items()}
     return Model(
-        _head("van", "Panel van", "Car", (van.LENGTH, van.WIDTH, van.HEIGHT), axles),
+        _head("van", "Panel van", "Car", (van.LENGTH, van.WIDTH, van.HEIGHT), axles) | {"occupants": OCCUPANTS},
         _parts(van.build()),
         _parts(van.build(False)),
-        {"paint": materials.paint(WHITE), **VEHICLE},
+        {"paint": materials.paint(WHITE), **VEHICLE, **INSIDE},
         {name: {"paint": rgb} for name, rgb in colors.items()},
         _wheel_joints(centres),
     )
@@ -97,10 +99,11 @@ def make_box_van() -> Model:
         centres[name] = (x, y if left else -y, kind.radius)
     size = box_van.LENGTH, box_van.WIDTH, box_van.HEIGHT
     return Model(
-        _head("box_van", "Van with a load box", "Truck", size, (box_van.FRONT_AXLE, box_van.REAR_AXLE)),
+        _head("box_van", "Van with a load box", "Truck", size, (box_van.FRONT_AXLE, box_van.REAR_AXLE))
+        | {"occupants": OCCUPANTS},
         _parts(box_van.build()),
         _parts(box_van.build(False)),
-        {"paint": materials.paint(WHITE), **VEHICLE, **LOADED},
+        {"paint": materials.paint(WHITE), **VEHICLE, **LOADED, **INSIDE},
         variants,
         _wheel_joints(centres),
     )
@@ -118,7 +121,8 @@ def make_tram() -> Model:
         head=_head(
             "tram", "Tram of one car on two bogies", "Train", (shape.length, shape.width, shape.height),
             (tram.BOGIES[0], tram.BOGIES[1]),
-        ),
+        )
+        | {"occupants": OCCUPANTS},
         detailed=_parts(tram.build()),
         light=_parts(tram.build(False)),
         joints=[
@@ -155,6 +159,7 @@ def _bus(name: str, title: str, shape: bus.BusShape, looks: dict[str, tuple[Colo
     bsdfs = {
         **{key: materials.paint(color) for key, color in next(iter(variants.values())).items()},
         **VEHICLE,
+        **INSIDE,
         "roof_cover": replace(
             VEHICLE["black_plastic"], color=cover, lidar_reflectance=0.55, source="estimate, white glass-fibre plastic"
         ),
@@ -168,7 +173,8 @@ def _bus(name: str, title: str, shape: bus.BusShape, looks: dict[str, tuple[Colo
         y = shape.outer - 0.5 * (kind.tyre_width + kind.twin)
         centres[wheel] = (x, y if left else -y, kind.radius)
     return Model(
-        _head(name, title, "Bus", (shape.length, shape.width, shape.height), (shape.front_axle, shape.rear_axle)),
+        _head(name, title, "Bus", (shape.length, shape.width, shape.height), (shape.front_axle, shape.rear_axle))
+        | {"occupants": OCCUPANTS},
         _parts(bus.build(shape)),
         _parts(bus.build(shape, False)),
         bsdfs,
@@ -177,16 +183,19 @@ def _bus(name: str, title: str, shape: bus.BusShape, looks: dict[str, tuple[Colo
     )
 
 
+BOXES: dict[str, tuple[Color, Color]] = {
+    "white_box": ((0.03, 0.12, 0.32), WHITE), "red_white_box": ((0.36, 0.014, 0.016), WHITE),
+    "yellow_box": ((0.62, 0.38, 0.012), (0.62, 0.38, 0.012)), "blue_tarpaulin": (WHITE, (0.018, 0.07, 0.22)),
+    "green_tarpaulin": ((0.10, 0.11, 0.12), (0.025, 0.12, 0.06)), "orange_tarpaulin": ((0.55, 0.13, 0.012), (0.55,
+    0.13, 0.012)),
+}  # fmt: skip # a table
+"""Colours of cab and box of a lorry."""
+
+
 def make_lorry() -> Model:
     """Return the lorry with a box body; "tarpaulin" variants differ in colour, not in material."""
-    boxes: dict[str, tuple[Color, Color]] = {
-        "white_box": ((0.03, 0.12, 0.32), WHITE), "red_white_box": ((0.36, 0.014, 0.016), WHITE),
-        "yellow_box": ((0.62, 0.38, 0.012), (0.62, 0.38, 0.012)), "blue_tarpaulin": (WHITE, (0.018, 0.07, 0.22)),
-        "green_tarpaulin": ((0.10, 0.11, 0.12), (0.025, 0.12, 0.06)), "orange_tarpaulin": ((0.55, 0.13, 0.012), (0.55,
-        0.13, 0.012)),
-    }  # fmt: skip # a table
-    variants = {name: {"paint": cab, "box_panel": panel} for name, (cab, panel) in boxes.items()}
-    bsdfs = {"paint": materials.paint(variants["white_box"]["paint"]), **VEHICLE, **LOADED}
+    variants = {name: {"paint": cab, "box_panel": panel} for name, (cab, panel) in BOXES.items()}
+    bsdfs = {"paint": materials.paint(variants["white_box"]["paint"]), **VEHICLE, **LOADED, **INSIDE}
     centres = {}
     for name, (x, left) in lorry.WHEELS.items():
         kind = lorry.FRONT_WHEEL if x > 0 else lorry.REAR_WHEEL
@@ -200,10 +209,50 @@ def make_lorry() -> Model:
             "Truck",
             (lorry.LENGTH, lorry.WIDTH, lorry.HEIGHT),
             (lorry.FRONT_AXLE, rear),
-        ),
+        )
+        | {"occupants": OCCUPANTS},
         _parts(lorry.build()),
         _parts(lorry.build(False)),
         bsdfs,
         variants,
         _wheel_joints(centres),
     )
+
+
+def make_articulated_lorry() -> Model:
+    """Return the tractor with its semitrailer; variants as those of the lorry."""
+    variants = {name: {"paint": cab, "box_panel": panel} for name, (cab, panel) in BOXES.items()}
+    detailed, light = _parts(articulated.build()), _parts(articulated.build(False))
+    wheels = {shape for shape in {**detailed, **light} if shape.startswith("wheel_")}
+    of_tractor = {*articulated.TRACTOR, "indicators_left", "indicators_right"}
+    towed = [shape for shape in {**detailed, **light} if shape not in wheels | of_tractor]
+    rows: list[dict[str, Any]] = [
+        {
+            "kind": "trailer",
+            "shapes": towed,
+            "hitch": articulated.KINGPIN,
+            "length": round(articulated.REACH, 6),
+            "span": (-articulated.LENGTH / 2, articulated.BOX[0][1]),
+        }
+    ]
+    for name, (x, left) in articulated.WHEELS.items():
+        kind = articulated.kind_of(name)
+        y = articulated.OUTER - 0.5 * (kind.tyre_width + kind.twin)
+        row = {
+            "kind": "wheel", "shapes": [f"wheel_{name}_tyre", f"wheel_{name}_rim"],
+            "center": (round(x, 6), y if left else -y, kind.radius), "radius": kind.radius,
+        }  # fmt: skip # a table
+        rows.append(row | ({"steered": True} if "front" in name else {"towed": True} if "trailer" in name else {}))
+    return Model(
+        _head(
+            "articulated_lorry", "Tractor and semitrailer, five axles", "Truck",
+            (articulated.LENGTH, articulated.WIDTH, articulated.HEIGHT),
+            (round(articulated.FRONT_AXLE, 6), articulated.DRIVE_AXLE),
+        )
+        | {"occupants": OCCUPANTS},
+        detailed,
+        light,
+        {"paint": materials.paint(variants["white_box"]["paint"]), **VEHICLE, **LOADED, **INSIDE},
+        variants,
+        rows,
+    )  # fmt: skip # arguments of a table

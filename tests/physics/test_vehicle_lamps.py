@@ -9,12 +9,14 @@ import scarl_sionna as ss
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine import variant
-from scarl_sionna.engine.light.lamps import BRAKE_INTENSITY, INDICATOR_INTENSITY
+from scarl_sionna.engine.light.lamps import BRAKE_INTENSITY, INDICATOR_INTENSITY, parked_shapes
 from scarl_sionna.engine.light.sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
 from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scenario.motion.paths import LateralShift
 from scarl_sionna.scenario.motion.routes import Route, vehicle_trajectory
 from scarl_sionna.scenario.traffic.planned import PresentTrajectory
+from scarl_sionna.scene.document.find import find_scene
+from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import lanes_from_tables
 from scarl_sionna.scene.motion.signalling import BRAKING, indicated, is_braking, is_flash, is_parked
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, StaticTrajectory, WaypointTrajectory
@@ -165,3 +167,12 @@ def test_a_parked_car_is_dark_and_a_steady_one_adds_no_lamp_by_day(street):
     assert radiance(parked, 0.0, "it_headlamps") is radiance(parked, 0.0, "it_taillamps") is None
     assert radiance(street(STEADY, "day"), 1.0, "it_taillamps") is None
     assert radiance(street(STEADY, "night"), 1.0, "it_taillamps") > 0.0
+
+
+def test_vehicles_that_are_objects_of_a_place_are_parked():
+    document = read_document(find_scene("urban_crossing"))
+    kinds = {shape: document.materials[bsdf].lamp for shape, bsdf in document.bsdf_of_shape.items()}
+    lamps = {shape for shape, lamp in kinds.items() if lamp in ("headlamp", "taillamp")}
+    dark = lamps & parked_shapes(document)
+    assert len(dark) == 14 and all(shape.startswith("parked_") for shape in dark)
+    assert {"ego_headlamps", "oncoming_taillamps"} <= lamps - dark

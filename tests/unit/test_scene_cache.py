@@ -178,7 +178,7 @@ def test_several_processes_at_once_do_the_work_once(chosen):
     code = (
         "from scenes_xml import packing, actor_path; unpack = packing.unpack_into\n"
         "def counted(*args): print('unpacked', flush=True); unpack(*args)\n"
-        "packing.unpack_into = counted; print(actor_path('lorry'))"
+        "packing.unpack_into = counted; print(actor_path('saloon'))"
     )
     processes = [_python(code, chosen) for _ in range(3)]
     lines = [process.communicate(timeout=120)[0].split() for process in processes]

@@ -23,13 +23,14 @@ from scarl_sionna.scene.actors.model import read_actor_model
 from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
 from scenes_xml import actor_names, actor_path, codecs, packing, scene_names, scene_path
+from scenes_xml.actors import made
 from scenes_xml.actors.bodies import family
 from scenes_xml.actors.build import MODELS
 from scenes_xml.actors.build import build as build_actor
 
 ROOT = Path(scenes_xml.__file__).parent
-ALONE = [name for name in actor_names() if name not in family.names()]
-"""Actors with a folder of their own; people and companions share one (test_people_of_all_ages.py)."""
+ALONE = [name for name in actor_names() if name not in (*family.names(), *made.NAMES)]
+"""Actors with a folder of their own; people and companions share one (test_people_of_all_ages.py), others have none."""
 PACKED = {**{name: ROOT / name for name in scene_names()}, **{name: ROOT / "actors" / name for name in ALONE}}
 
 

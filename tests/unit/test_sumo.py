@@ -51,7 +51,9 @@ def north(step: float = 0.5, stop: float = 6.0) -> str:
 def test_angles_and_types() -> None:
     assert [np.degrees(heading_of_angle(angle)) for angle in (0.0, 90.0, 180.0)] == pytest.approx([90.0, 0.0, -90.0])
     names = ("suv", "DEFAULT_VEHTYPE", "truck_trailer", "city_bus", "veh_bicycle", "pedestrian", "delivery_2")
-    assert [model_of_type(name) for name in names] == ["suv", "saloon", "lorry", "bus", "bicycle", "adult_man", "van"]
+    known = ["suv", "saloon", "articulated_lorry", "bus", "bicycle", "adult_man", "van"]
+    assert [model_of_type(name) for name in names] == known
+    assert model_of_type("truck") == "lorry"
     assert [model_of_type(name) for name in ("woman_34", "dog", "wheelchair")] == ["woman_34", "dog", "wheelchair"]
 
 
@@ -77,7 +79,7 @@ def test_people_of_a_record_are_of_all_ages() -> None:
         and max(one.years for one in drawn("", height=0.9)) < 12
     )
     assert model_of_record("p", "dog") == "dog" and model_of_record("p", "girl_5") == "girl_5"
-    assert model_of_record("v", "truck_trailer") == "lorry"
+    assert model_of_record("v", "truck_trailer") == "articulated_lorry"
 
 
 @pytest.mark.parametrize("suffix", ["fcd.xml", "fcd.xml.gz"])

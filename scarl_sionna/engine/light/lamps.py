@@ -21,7 +21,7 @@ import numpy.typing as npt
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine.types import MitsubaObject
-from scarl_sionna.scene.document.model import SceneDocument
+from scarl_sionna.scene.document.model import InstanceEntry, SceneDocument
 from scarl_sionna.scene.lanes import Signals
 from scarl_sionna.scene.motion import signalling
 from scarl_sionna.scene.motion.trajectory import Trajectory
@@ -59,6 +59,7 @@ BRAKE_INTENSITY = 100.0
 INDICATOR_INTENSITY = 200.0
 """Of the indicators of one side [cd], all of them: 175 to 1000 cd in front, 50 to 500 cd behind (the same)."""
 _WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0, "indoor": 3.0}
+VEHICLES = frozenset({"Car", "Truck", "Bus", "Train", "Motorcycle", "Bicycle"})
 _SIGNAL_WEIGHT = 0.05
 """How often a light path asks a surface for light; beams ask at weight 1. Signals are bright to look at and light
 little."""
@@ -206,9 +207,14 @@ def _is_car_park(document: SceneDocument) -> bool:
 
 
 def parked_shapes(document: SceneDocument) -> frozenset[str]:
-    """Return the shapes of actors that never move."""
-    parked = (e for e in document.instances if e.trajectory is not None and signalling.is_parked(e.trajectory))
-    return frozenset(shape for entry in parked for shape in entry.shapes)
+    """Return the shapes of actors that never move, and of vehicles that are objects of the place itself."""
+    return frozenset(shape for entry in document.instances if _is_parked(entry) for shape in entry.shapes)
+
+
+def _is_parked(entry: InstanceEntry) -> bool:
+    if entry.trajectory is None:
+        return entry.is_object and entry.semantic in VEHICLES
+    return signalling.is_parked(entry.trajectory)
 
 
 class Moment(NamedTuple):

@@ -10,8 +10,9 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.scenario.motion.bodies import BodyLike
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, TrailerBody
 from scarl_sionna.scenario.motion.paths import sample_motion
+from scarl_sionna.scene.motion.towing import Towing
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -74,7 +75,8 @@ def find_collisions(
     Notes
     -----
     Pairs nearer than their half diagonals (k-d tree) are compared along the four axes of their boxes; heights must
-    overlap, too. Exact for boxes that stand upright. *Not modelled*: motion between the times, shapes other than boxes.
+    overlap, too. Exact for boxes that stand upright. A vehicle with a trailer (`ActorBody.trailer`) is two boxes, which
+    may touch each other. *Not modelled*: motion between the times, shapes other than boxes.
     """
     instants = np.atleast_1d(np.asarray(times, dtype=np.float64))
     if instants.ndim != 1 or not instants.size or not np.isfinite(instants).all():
@@ -88,22 +90,25 @@ def find_collisions(
     boxes = _boxes(actors, instants)
     pairs = _near_pairs(boxes)
     depth = _overlap(boxes, pairs)
-    hit = depth > tolerance
-    return _summary(names, instants, pairs.select(hit), depth[hit])
+    hit = (depth > tolerance) & (boxes.owner[pairs.first] != boxes.owner[pairs.second])
+    found = pairs.select(hit)
+    owners = np.sort(boxes.owner[np.stack([found.first, found.second])], axis=0)
+    return _summary(names, instants, _Pairs(owners[0], owners[1], found.moment), depth[hit])
 
 
 @dataclass(frozen=True, eq=False)
 class _Boxes:
-    """Boxes of A bodies at N instants.
+    """Boxes of A bodies, and behind them B of what some of them tow, at N instants.
 
-    `position` (A, N, 3) [m], NaN where a body is not there; `heading` (A, N) [rad]; `half`: half length and half width
-    (A, 2) [m]; `height` (A,) [m].
+    `position` (A + B, N, 3) [m], NaN where a body is not there; `heading` (A + B, N) [rad]; `half` length and
+    width (A + B, 2) [m]; `height` (A + B,) [m]; `owner` (A + B,): which body each belongs to.
     """
 
     position: Array
     heading: Array
     half: Array
     height: Array
+    owner: Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +136,39 @@ def _boxes(actors: Sequence[tuple[str, Trajectory, Measures]], instants: Array) 
         if known.any():
             motion = sample_motion(trajectory, instants[known])
             position[index, known], heading[index, known] = motion.position, motion.heading
-    return _Boxes(position, heading, half, height)
+    boxes = _Boxes(position, heading, half, height, np.arange(len(actors)))
+    for index, (_, trajectory, measures) in enumerate(actors):
+        if not isinstance(measures, Sequence) and (trailer := ActorBody.of(measures).trailer) is not None:
+            boxes = _with_trailer(boxes, index, trajectory, trailer, instants)
+    return boxes
+
+
+_TAIL = 0.8
+"""How far a towing vehicle reaches behind its coupling [m]."""
+
+
+def _with_trailer(boxes: _Boxes, index: int, trajectory: Trajectory, trailer: TrailerBody, instants: Array) -> _Boxes:
+    """Return boxes with that of a body drawn in to what tows, and one more: what is towed."""
+    towing, seen = Towing(trajectory, (trailer.hitch, 0.0, 0.0), trailer.length), boxes.position[index, :, 0]
+    origin, heading = boxes.position[index], boxes.heading[index]
+    known = np.isfinite(seen).tolist()
+    angle = np.array(
+        [towing.angle(time) if there else 0.0 for time, there in zip(instants.tolist(), known, strict=True)]
+    )
+    front, rear, towed = boxes.half[index, 0], trailer.hitch - _TAIL, heading + angle
+    middle = 0.5 * (trailer.front + trailer.rear) - trailer.hitch
+    ahead = np.stack([np.cos(heading), np.sin(heading), 0.0 * heading], axis=1)
+    behind = np.stack([np.cos(towed), np.sin(towed), 0.0 * towed], axis=1)
+    position, half = boxes.position.copy(), boxes.half.copy()
+    position[index] = origin + 0.5 * (front + rear) * ahead
+    half[index, 0] = 0.5 * (front - rear)
+    return _Boxes(
+        np.concatenate([position, (origin + trailer.hitch * ahead + middle * behind)[None]]),
+        np.concatenate([boxes.heading, towed[None]]),
+        np.concatenate([half, [[0.5 * (trailer.front - trailer.rear), half[index, 1]]]]),
+        np.append(boxes.height, boxes.height[index]),
+        np.append(boxes.owner, index),
+    )
 
 
 def _measures(actors: Sequence[tuple[str, Trajectory, Measures]]) -> tuple[Array, Array]:

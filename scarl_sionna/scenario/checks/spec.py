@@ -138,7 +138,7 @@ def check_gaits(spec: ScenarioSpec, members: Sequence[Member], document: SceneDo
                 ScenarioValueError(
                     f"'{member.actor.name}' at {time:.4g} s: {error}",
                     spec.place(*member.path, "trajectory"),
-                    "let it move more slowly",
+                    "let it move more slowly, or a trailer in wider bends and not backwards",
                     value=error.value,
                 )
             )

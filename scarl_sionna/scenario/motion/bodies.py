@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -42,6 +42,18 @@ class BodyLike(Protocol):
         """How it moves."""
 
 
+class TrailerBody(NamedTuple):
+    """A trailer in line behind its vehicle.
+
+    x of the coupling, way from there to its axle, x of its rear and of its front [m].
+    """
+
+    hitch: float
+    length: float
+    rear: float
+    front: float
+
+
 @dataclass(frozen=True)
 class ActorBody:
     """Measures of a body: origin on the ground below the middle, x forward.
@@ -53,11 +65,13 @@ class ActorBody:
     wheelbase : float
         Distance of the axles, 0 for a pedestrian [m].
     rear_axle : float
-        X of the rear axle, <= 0 [m].
+        X of the rear axle [m]: that of the vehicle that tows, where there is a trailer.
     motion : str
         ``vehicle``, ``cycle``, ``walk`` or ``stand``.
     age : float or None
         Of a person [years].
+    trailer : TrailerBody or None
+        What it tows; `length` holds both in line.
     """
 
     length: float = 4.6
@@ -67,6 +81,7 @@ class ActorBody:
     rear_axle: float = -1.35
     motion: str = "vehicle"
     age: float | None = None
+    trailer: TrailerBody | None = None
 
     def __post_init__(self) -> None:
         for name in ("length", "width", "height"):
@@ -74,8 +89,8 @@ class ActorBody:
                 raise ParameterRangeError(f"ActorBody.{name}", getattr(self, name), "above 0 to 100 m")
         if not 0.0 <= self.wheelbase <= self.length:
             raise ParameterRangeError("ActorBody.wheelbase", self.wheelbase, f"0 to the length of {self.length:g} m")
-        if not -self.length / 2.0 <= self.rear_axle <= 0.0:
-            raise ParameterRangeError("ActorBody.rear_axle", self.rear_axle, f"{-self.length / 2.0:g} to 0 m")
+        if not abs(self.rear_axle) <= self.length / 2.0:
+            raise ParameterRangeError("ActorBody.rear_axle", self.rear_axle, f"up to {self.length / 2.0:g} m from 0")
 
     @classmethod
     def of(cls, model: BodyLike) -> ActorBody:
@@ -88,7 +103,16 @@ class ActorBody:
             float(model.rear_axle or 0.0),
             str(model.motion),
             getattr(model, "age", None),
+            _trailer_of(model),
         )
+
+
+def _trailer_of(model: BodyLike) -> TrailerBody | None:
+    """Return the trailer of an actor model with such a joint, or of a body."""
+    for joint in getattr(model, "joints", ()):
+        if joint["kind"] == "trailer":
+            return TrailerBody(float(joint["hitch"][0]), float(joint["length"]), *map(float, joint["span"]))
+    return getattr(model, "trailer", None)
 
 
 _PACE = ((15.0, 60.0, 70.0, 80.0, 90.0), (1.0, 1.0, 0.9, 0.75, 0.6))

@@ -79,6 +79,10 @@ class JoinedTrajectory:
         before = sum(piece.wheel_way(piece.stop, place).rolled for piece in self.pieces[:index])
         return WheelWay(now.angle, now.rate, now.rolled + before, now.speed)
 
+    def road_height(self, time: float, x: float) -> tuple[float, float]:
+        """Return the height of the present piece's path at x of the body over its origin [m], and its rate [m/s]."""
+        return self.pieces[self._index(time)].road_height(time, x)
+
 
 @dataclass(frozen=True)
 class Manoeuvre:

@@ -23,6 +23,10 @@ SMOOTHING = 3.0
 """Distance of the knots of a vehicle's path [m]: the steering goes from straight to a bend within about this way."""
 ROUNDING = 0.2
 """Distance of the knots of heights that follow a ground with kerbs and ramps [m]: less than a wheel's radius."""
+GRAVITY = 9.80665
+"""[m/s^2]"""
+LEAN = np.radians(45.0)
+"""Most that a two-wheeler leans: where tyres on dry asphalt let go."""
 ROLLING = 0.25
 """Distance of the places at which the way of a steered wheel is known exactly [m]: a twelfth of the path's knots."""
 _DEGREE = 5
@@ -276,11 +280,15 @@ class PathTrajectory:
     With the way s(t), the path r(s) and the wheelbase L: heading psi = direction of dr/ds in plan, slope
     gamma = atan((z(s + L) - z(s)) / L), orientation R = R_z(psi) R_y(-gamma), origin p = r(s) + R (-rear_axle, 0, 0),
     so that both axles stand on the path's ground. The twist is the exact derivative: omega = psi' z - gamma' R_z(psi)
-    y, v = dr/ds s' + omega x R (-rear_axle, 0, 0). *Not modelled*: slip, roll, suspension, banked roads.
+    y, v = dr/ds s' + omega x R (-rear_axle, 0, 0). A body whose `motion` is ``cycle`` leans about the line through the
+    feet of its wheels by atan(k s'^2 / g) into a bend k, at most `LEAN`: steady turning without the width of the tyres
+    and the gyroscopes of the wheels, which make it lean a little more [2]_. *Not modelled*: slip, roll of other bodies,
+    suspension, banked roads.
 
     References
     ----------
     .. [1] R. Rajamani, Vehicle Dynamics and Control, 2nd ed., 2012, section 2.2.
+    .. [2] V. Cossalter, Motorcycle Dynamics, 2nd ed., 2006, section 4.1.
     """
 
     def __init__(
@@ -340,7 +348,27 @@ class PathTrajectory:
         lever = -self.body.rear_axle * np.stack(
             [cos * np.cos(slope), sin * np.cos(slope), np.sin(slope) + flat], axis=1
         )
-        return rear + lever, heading, slope, first * rate[:, None] + np.cross(angular, lever), angular
+        velocity = first * rate[:, None] + np.cross(angular, lever)
+        if self._leans:  # about the lever, which stays where it is
+            along = np.stack([cos * np.cos(slope), sin * np.cos(slope), np.sin(slope) + flat], axis=1)
+            angular = angular - self.lean(time)[1][:, None] * along
+        return rear + lever, heading, slope, velocity, angular
+
+    @property
+    def _leans(self) -> bool:
+        return self.body.motion == "cycle" and self._base > 0.0
+
+    def lean(self, times: npt.ArrayLike) -> tuple[Array, Array]:
+        """Return how far the body leans to its left (N,) [rad] and the rate (N,) [rad/s] at times (N,) [s]."""
+        time = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        if not self._leans:
+            return np.zeros(time.shape), np.zeros(time.shape)
+        way, rate = self.way(time), self._rate(time)
+        bend, change = self.path.bend(way)
+        pull = bend * rate**2 / GRAVITY
+        angle = np.arctan(pull)
+        turning = (change * rate**3 + 2.0 * bend * rate * self._pull(time)) / GRAVITY / (1.0 + pull**2)
+        return np.clip(angle, -LEAN, LEAN), np.where(np.abs(angle) < LEAN, turning, 0.0)
 
     def _state(self, time: float) -> tuple[Array, Array, Array, Array, Array]:
         """Return the sample at one time; the last one is kept, as pose and twist are asked for together."""
@@ -351,7 +379,8 @@ class PathTrajectory:
     def pose(self, time: float) -> Pose:
         """Return world_from_actor at a time [s]; x along the heading of the rear axle."""
         position, heading, slope, _, _ = self._state(time)
-        quaternion = Rotation.from_euler("ZYX", [heading[0], -slope[0], 0.0]).as_quat()
+        lean = -float(self.lean(time)[0][0]) if self._leans else 0.0
+        quaternion = Rotation.from_euler("ZYX", [heading[0], -slope[0], lean]).as_quat()
         return Pose(position[0], np.roll(quaternion, 1))
 
     def twist(self, time: float) -> Twist:
@@ -384,6 +413,18 @@ class PathTrajectory:
         steering = change * lever / (along**2 + across**2) * rate
         length, pace, start = self._roll(lever, side)
         return WheelWay(float(np.arctan2(across, along)), steering, float(length(way)) - start, float(pace(way)) * rate)
+
+    def road_height(self, time: float, x: float) -> tuple[float, float]:
+        """Return the path's height at x of the body [m] over its origin [m], and its rate [m/s].
+
+        Before its beginning and after its end the path is level.
+        """
+        position, _, _, linear, _ = self._state(time)
+        way, rate = float(self.way(time)) + x - self.body.rear_axle, float(self._rate(time))
+        low, high = self.path.bounds
+        inside = min(max(way, low), high)
+        climb = float(self.path.at(inside, 1)[..., 2]) * rate if inside == way else 0.0
+        return float(self.path.at(inside)[..., 2] - position[0, 2]), climb - float(linear[0, 2])
 
     def _roll(self, lever: float, side: float) -> tuple[PPoly, PPoly, float]:
         """Return the way of a wheel over the way of the rear axle, its derivative, and its value at the start."""

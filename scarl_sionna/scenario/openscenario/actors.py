@@ -30,7 +30,7 @@ KNOT_TIME = 0.1
 """Time between the knots of the way [s]: a run is free of noise, and its accelerations may change in steps."""
 _MODELS: Mapping[str, tuple[str, ...]] = {
     "car": ("small_car", "saloon", "estate", "suv", "pickup"), "van": ("van",),
-    "truck": ("box_van", "lorry"), "bus": ("bus", "coach"), "tram": ("tram",),
+    "truck": ("box_van", "lorry", "articulated_lorry"), "bus": ("bus", "coach"), "tram": ("tram",),
     "motorbike": ("motorcycle",), "bicycle": ("bicycle",), "standup_scooter": ("scooter",),
     "standupScooter": ("scooter",), "wheelchair": ("wheelchair",), "animal": ("dog",),
 }  # fmt: skip # a table

@@ -13,7 +13,14 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
 from scarl_sionna.scene.lanes import LaneNetwork
-from scarl_sionna.scene.motion.trajectory import Trajectory, WheelWay, forward_speeds, lane_offsets, wheel_way
+from scarl_sionna.scene.motion.trajectory import (
+    Trajectory,
+    WheelWay,
+    forward_speeds,
+    lane_offsets,
+    road_height,
+    wheel_way,
+)
 
 Array = npt.NDArray[np.float64]
 Ground = Callable[[Array], Array]
@@ -117,6 +124,10 @@ class PresentTrajectory:
     def lane_offsets(self, times: Array) -> Array | None:
         """Return how far the motion is to the left of the lanes that it follows [m]; None where it follows none."""
         return lane_offsets(self.motion, times)
+
+    def road_height(self, time: float, x: float) -> tuple[float, float] | None:
+        """Return the height of the motion's road at x of the body over its origin [m], and its rate [m/s]."""
+        return road_height(self.motion, time, x)
 
     def forward_speeds(self, times: Array) -> Array:
         """Return the speeds of the motion along its heading [m/s] at times (N,) [s]."""

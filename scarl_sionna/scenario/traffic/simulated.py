@@ -44,7 +44,7 @@ WARM_UP, CHANGING, WAITING = 5.0, 15.0, 30.0
 lane; where they change lanes, so that the fast have found theirs; where they wait, so that queues are there."""
 _APART = 0.4
 """Part of the mean gap that vehicles have between them at least at first: who is nearer begins by being too slow."""
-_TOP_SPEED = {"bicycle": 6.0, "scooter": 6.0, "lorry": 25.0, "bus": 27.8, "coach": 27.8}
+_TOP_SPEED = {"bicycle": 6.0, "scooter": 6.0, "lorry": 25.0, "articulated_lorry": 25.0, "bus": 27.8, "coach": 27.8}
 
 
 def simulate_traffic(

@@ -24,7 +24,7 @@ from .separation import without_collisions
 from .simulated import DEFAULT_MIX
 from .sumo_network import SumoNetwork, write_sumo_network
 
-_TOP_SPEED = {"lorry": 25.0, "bus": 27.8, "bicycle": 6.0, "scooter": 6.0}
+_TOP_SPEED = {"lorry": 25.0, "articulated_lorry": 25.0, "bus": 27.8, "bicycle": 6.0, "scooter": 6.0}
 _TOUCH = 0.1
 """Overlap of two boxes that may come from the smoothing of their motion [m]."""
 _OPTIONS = (
@@ -214,7 +214,11 @@ def _write_routes(
         body = body_of(model, models)
         values = {
             "id": model,
-            "vClass": "bicycle" if model == "bicycle" else "truck" if model in ("lorry", "bus") else "passenger",
+            "vClass": "bicycle"
+            if model == "bicycle"
+            else "truck"
+            if model in ("lorry", "articulated_lorry", "bus")
+            else "passenger",
             "length": f"{body.length:.3f}",
             "width": f"{body.width:.3f}",
             "height": f"{body.height:.3f}",

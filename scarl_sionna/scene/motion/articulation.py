@@ -22,6 +22,7 @@ from .footprints import FootPrints, Ground, steps_forward
 from .gait import FRACTIONS, SEGMENTS, WalkingGait, walking_gait
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
 from .swinging import Swing, swing_from_table
+from .towing import TowedWheel, Towing, Trailer, towing_from_table
 from .trajectory import Motion, Trajectory, WheelWay, forward_speeds, known_until, wheel_way
 
 PHASES = 16
@@ -314,6 +315,7 @@ class Pedal:
 def joints_on(joints: Sequence[Joint], trajectory: Trajectory) -> tuple[Joint, ...]:
     """Return the same joints of an actor that moves along another trajectory."""
     rolling = Rolling(trajectory)
+    towing = next((joint.towing.on(trajectory) for joint in joints if isinstance(joint, Trailer)), None)
     found: list[Joint] = []
     for joint in joints:
         if isinstance(joint, Wheel):
@@ -326,8 +328,10 @@ def joints_on(joints: Sequence[Joint], trajectory: Trajectory) -> tuple[Joint, .
             found.append(replace(joint, trajectory=trajectory, turned=joint.turned.on(trajectory)))
         elif isinstance(joint, Swing):
             found.append(replace(joint, cycles=joint.cycles.on(trajectory)))
+        elif isinstance(joint, Trailer | TowedWheel) and towing is not None:
+            found.append(replace(joint, towing=towing))
         else:
-            raise InputTypeError("joint", joint, "a Wheel, Walk, Pedal or Swing")
+            raise InputTypeError("joint", joint, "a Wheel, Walk, Pedal, Swing or Trailer")
     return tuple(found)
 
 
@@ -353,11 +357,12 @@ def joints_from_tables(
     Parameters
     ----------
     tables : sequence of mapping
-        ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius[, steered]), ``walk``
+        ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius[, steered, towed]), ``walk``
         (height[, phase, and lengths of the body's own segments by the names of `gait.FRACTIONS`]) and ``pedal``
         (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]), whose shapes are
         those of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, as ``walker_head_hair``;
-        ``swing``, see :func:`.swinging.swing_from_table`.
+        ``swing``, see :func:`.swinging.swing_from_table`; ``trailer``, see :func:`.towing.towing_from_table`, whose
+        wheels are ``wheel`` with ``towed``.
     actor : str
         Whose joints they are, for error messages.
     shapes : sequence of str
@@ -372,12 +377,14 @@ def joints_from_tables(
     """
     joints: list[Joint] = []
     taken: set[str] = set()
-    rolling = Rolling(trajectory)
+    rolling, towing = Rolling(trajectory), towing_from_table(tables, actor, shapes, trajectory)
     for number, table in enumerate(tables):
         what = f"{actor}.joints[{number}]"
         kind = str(table.get("kind", "wheel"))
         if kind == "wheel":
-            joint: Joint = _wheel(table, what, shapes, rolling)
+            joint: Joint = _wheel(table, what, shapes, rolling, towing)
+        elif kind == "trailer" and towing is not None:
+            joint = Trailer(tuple(table["shapes"]), towing)
         elif kind == "walk":
             joint = _walk(table, what, shapes, trajectory)
         elif kind == "pedal":
@@ -385,7 +392,7 @@ def joints_from_tables(
         elif kind == "swing":
             joint = swing_from_table(table, what, shapes, trajectory, Accumulated(trajectory, lambda speed: speed))
         else:
-            raise UnknownNameError(f"kind of {what}", kind, ("wheel", "walk", "pedal", "swing"))
+            raise UnknownNameError(f"kind of {what}", kind, ("wheel", "walk", "pedal", "swing", "trailer"))
         used = set(joint.shapes)
         if twice := sorted(used & taken):
             raise ParameterRangeError(f"{what}.shapes", twice[0], "a shape without another joint")
@@ -401,8 +408,10 @@ def _check_keys(table: Mapping[str, Any], what: str, required: set[str], optiona
         raise UnknownNameError(f"key of {what}", sorted(unknown)[0], required | optional | {"kind"})
 
 
-def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], rolling: Rolling) -> Wheel:
-    _check_keys(table, what, {"shapes", "center", "radius"}, {"steered"})
+def _wheel(
+    table: Mapping[str, Any], what: str, shapes: Sequence[str], rolling: Rolling, towing: Towing | None
+) -> Wheel | TowedWheel:
+    _check_keys(table, what, {"shapes", "center", "radius"}, {"steered", "towed"})
     if unknown := [shape for shape in table["shapes"] if shape not in shapes]:
         raise UnknownNameError(f"shape of {what}", str(unknown[0]), shapes)
     center, radius = np.asarray(table["center"], dtype=np.float64), float(table["radius"])
@@ -410,6 +419,10 @@ def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], rolling: 
         raise ParameterRangeError(f"{what}.center", table["center"], "three finite coordinates [m]")
     if not (np.isfinite(radius) and radius > 0.0):
         raise ParameterRangeError(f"{what}.radius", f"{radius} m", "> 0 m")
+    if table.get("towed", False):
+        if towing is None:
+            raise ParameterRangeError(f"{what}.towed", True, "false for an actor without a joint 'trailer'")
+        return TowedWheel(tuple(table["shapes"]), center, radius, towing)
     return Wheel(tuple(table["shapes"]), center, radius, rolling, bool(table.get("steered", False)))
 
 

@@ -24,7 +24,8 @@ class Trajectory(Protocol):
     A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for
     many times at once, a method ``is_present(time)``, which is False while the body is not in the scene: it then has no
     box, a method ``wheel_way(time, place)``, see the function of that name, where it knows its bends also while it
-    stands, a method ``lane_offsets(times)``, see the function of that name, where it follows lanes, and an attribute
+    stands, a method ``road_height(time, x)``, see the function of that name, where it knows the road behind it, a
+    method ``lane_offsets(times)``, see the function of that name, where it follows lanes, and an attribute
     ``known_until``, see the function of that name.
     """
 
@@ -80,6 +81,15 @@ def lane_offsets(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[np
     """
     says = getattr(trajectory, "lane_offsets", None)
     return None if says is None else says(np.asarray(times, dtype=np.float64))
+
+
+def road_height(trajectory: Trajectory, time: float, x: float) -> tuple[float, float] | None:
+    """Return how high the road is at x of a body [m] along its path, over its origin [m], and the rate of that [m/s].
+
+    None for a trajectory that does not say.
+    """
+    says = getattr(trajectory, "road_height", None)
+    return None if says is None else says(time, x)
 
 
 def forward_speeds(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[np.float64]:

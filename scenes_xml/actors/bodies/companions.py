@@ -9,7 +9,7 @@ import numpy as np
 
 from ...generators.geometry.mesh import Array, Mesh, box, merge, tube
 from ...generators.people.pedestrian import ellipsoid
-from ...generators.vehicles.bicycle import disc, ring
+from ...generators.vehicles.cycles.bicycle import disc, ring
 from ...generators.vehicles.vehicle_parts import bar
 from ...generators.xml import Bsdf
 from ..materials import VEHICLE

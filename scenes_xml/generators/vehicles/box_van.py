@@ -73,9 +73,9 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     (rear, front), (low, high) = BOX
     tail = _both(box((0.05, 0.26, 0.11), (rear + 0.03, 0.82, 0.72)))
     parts: dict[str, tuple[Mesh, str]] = {
-        "cab": (merge([ahead(painted), _deflector()]), "paint"),
+        "cab": (merge([ahead(van.opened(painted) if fine else painted), _deflector()]), "paint"),
         "load_box": (panels, "box_panel"),
-        "glass": (ahead(van.cab_glass(body, fine)), "glass"),
+        "glass": (ahead(van.cab_glass(body, fine)), "pane" if fine else "glass"),
         "headlamps": (ahead(van.headlamps(body, fine)), "headlamp"),
         "taillamps": (tail, "taillamp"),
         **NumberPlates(LENGTH / 2, 0.45, 0.60, 0.06, 11).parts(fine),
@@ -104,6 +104,7 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
         "indicators": (merge(markers), "indicator"),
         "mirrors": (ahead(mirrors), "trim"),
         "mirror_glass": (ahead(mirror_glass), "mirror_glass"),
+        **{name: (ahead(mesh), role) for name, (mesh, role) in van.inside(0.63, 2.0, 1.13).items()},
         **wheel_parts(WHEELS, van.WHEEL, REAR_WHEEL, OUTER, False),
     }
 

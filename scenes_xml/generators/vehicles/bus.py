@@ -11,6 +11,8 @@ from ..geometry import decal
 from ..geometry.decal import strips
 from ..geometry.mesh import Mesh, box, merge, outward, revolve
 from .body_loft import BodyShape, loft, side_panel
+from .bus_inside import Opening, Saloon, inside, opened
+from .cars.interior import Seat
 from .number_plates import NumberPlates
 from .vehicle_parts import bar, prism
 from .wheels import WheelShape, wheel_parts
@@ -53,6 +55,8 @@ class BusShape:
         Of the tail lamps.
     back_rows : int
         Points along the height of the rear window: 2 where it is flat.
+    saloon : Saloon
+        The inside.
     lamp_rise : float
         How far lamps stand out of the body.
     """
@@ -77,8 +81,24 @@ class BusShape:
     lines: tuple[float, ...]
     stripe: tuple[tuple[Span, ...], Span]
     tail: Span
+    saloon: Saloon
     back_rows: int = 2
     lamp_rise: float = 0.012
+
+    @property
+    def openings(self) -> list[Opening]:
+        """What the panes stand before."""
+        (half, low, high), (back, back_low, back_high) = self.screen, self.back
+        found = [
+            Opening(rectangle((-half, half), (low, high)), "x", 1.0),
+            Opening(rectangle((-back, back), (back_low, back_high)), "x", -1.0),
+        ]
+        for pane in self.panes:
+            found.append(Opening(rectangle(pane, self.windows), "y", 1.0))
+            if _door_of(self, pane) is None:
+                found.append(Opening(rectangle(pane, self.windows), "y", -1.0))
+        found += [Opening(rectangle(span, self.door_windows), "y", -1.0) for span in _door_panes(self)]
+        return found
 
     @property
     def outer(self) -> float:
@@ -102,7 +122,7 @@ def _light(body: BodyShape, *stations: float) -> BodyShape:
     return replace(body, more_stations=(*stations, *walls))
 
 
-_WHEEL = WheelShape(radius=0.478, rim_radius=0.29, tyre_width=0.275)
+_WHEEL = WheelShape(radius=0.478, rim_radius=0.29, tyre_width=0.275, bolts=8, segments=16)
 _CITY_BODY = BodyShape(
     front=5.97, rear=-5.97, width=2.526, floor=0.30,
     top=((-6.0, 2.90), (-5.6, 2.90), (5.3, 2.90), (6.0, 2.88)),
@@ -133,10 +153,14 @@ CITY = BusShape(
     display=(2.54, 2.74), beside_door=((2.60, 3.60), (2.20, 2.36)), roof=((2.2, 4.6), (-4.9, -1.2)),
     lines=(-5.0, -3.35, -1.7, -0.4, 1.0, 2.3, 4.2), stripe=(((-5.3, -3.24), (-2.0, 2.66)), (0.62, 0.74)),
     tail=(0.80, 1.36),
+    saloon=Saloon(
+        0.42, Seat(4.72, 0.62, 1.02), (-4.9, 3.4), 0.83, ((4.22, 5.46), (-0.35, 0.95), (-4.62, -3.36)), 1.18, False,
+        ((-3.18, -2.06), (2.72, 3.84)),
+    ),
 )  # fmt: skip # a table
 COACH = BusShape(
     length=12.2, width=2.55, height=3.58, front_axle=3.35, rear_axle=-2.85,
-    wheel=WheelShape(radius=0.505, rim_radius=0.295, tyre_width=0.295),
+    wheel=WheelShape(radius=0.505, rim_radius=0.295, tyre_width=0.295, bolts=8, segments=16),
     body=_COACH_BODY, light_body=_light(_COACH_BODY, 5.3, -5.4),
     doors=((4.16, 5.06), (-1.55, -0.75)),
     panes=((-5.50, -4.05), (-3.97, -2.52), (-2.44, -0.99), (-0.91, 0.54), (0.62, 2.07), (2.15, 3.60), (3.68, 5.02)),
@@ -145,6 +169,7 @@ COACH = BusShape(
     lines=(-5.3, -4.4, -3.5, -2.2, -1.6, -0.7, 0.7, 1.9, 2.75, 4.05),
     stripe=(((-5.4, -3.55), (-2.2, 2.7)), (1.32, 1.62)),
     tail=(1.10, 1.62), back_rows=6,
+    saloon=Saloon(1.28, Seat(4.78, 0.62, 1.22), (-5.0, 3.7), 0.9, ((-1.55, -0.75),), 1.17, True),
 )  # fmt: skip # a table
 panel = partial(decal.panel, reach=7.0)
 FRONT, REAR = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
@@ -176,20 +201,25 @@ def glass(shape: BusShape, body: Mesh, fine: bool) -> Mesh:
         return merge([*parts, side_panel(body, whole, 0.011, (4, 2))])
     for pane in shape.panes:
         if _door_of(shape, pane) is not None:
-            parts += _door_glass(shape, body, (pane[0] + 0.05, pane[1] - 0.05), 0.5 * (pane[0] + pane[1]))
             parts.append(side_panel(body, rectangle(pane, (sill, top)), 0.010, (6, 2), "left"))
         else:
             parts.append(side_panel(body, rectangle(pane, (sill, top)), 0.010, (6, 2)))
-    if shape.door_windows[1] < sill:
-        for low_x, high_x in shape.doors:
-            parts += _door_glass(shape, body, (low_x + 0.07, high_x - 0.07), None)
+    parts += [
+        side_panel(body, rectangle(span, shape.door_windows), 0.012, (7, 2), "right") for span in _door_panes(shape)
+    ]
     return merge(parts)
 
 
-def _door_glass(shape: BusShape, body: Mesh, span: Span, middle: float | None) -> list[Mesh]:
-    """Return the panes of a door: two of a double one, whose leaves meet at `middle`."""
-    halves = [span] if middle is None else [(span[0], middle - 0.04), (middle + 0.04, span[1])]
-    return [side_panel(body, rectangle(half, shape.door_windows), 0.012, (7, 2), "right") for half in halves]
+def _door_panes(shape: BusShape) -> list[Span]:
+    """Return x of the panes of the doors, from and to: two of a double one, whose leaves meet in the middle."""
+    if shape.door_windows[1] < shape.windows[0]:
+        return [(low + 0.07, high - 0.07) for low, high in shape.doors]
+    found: list[Span] = []
+    for low, high in shape.panes:
+        if _door_of(shape, (low, high)) is not None:
+            middle = 0.5 * (low + high)
+            found += [(low + 0.05, middle - 0.04), (middle + 0.04, high - 0.05)]
+    return found
 
 
 def lamps(shape: BusShape, body: Mesh, fine: bool) -> dict[str, tuple[Mesh, str]]:
@@ -207,10 +237,13 @@ def trim(shape: BusShape, body: Mesh) -> Mesh:
     band = rectangle((shape.panes[0][0] - 0.07, shape.panes[-1][1] + 0.06), (sill - 0.06, top + 0.08))
     front = rectangle((-half - 0.05, half + 0.05), (low - 0.08, shape.display[1] + 0.06))
     rear = rectangle((-back - 0.06, back + 0.06), (back_low - 0.06, back_high + 0.06))
-    parts = [
+    bands = [
         side_panel(body, band, 0.005, (6, 12)),
         panel(body, front, FRONT, 1.0, 0.004, cells=(11, 17)),
-        panel(body, rear, REAR, 1.0, 0.004, cells=(shape.back_rows, 9)),
+        panel(body, rear, REAR, 1.0, 0.0075, cells=(shape.back_rows + 2, 13)),
+    ]
+    parts = [
+        opened(merge(bands), shape.openings, shape.width / 2, shape.length / 2),
         panel(body, rectangle((-1.18, 1.18), (0.36, 0.46)), FRONT, 1.0, 0.006, cells=(2, 13)),
         *(
             panel(body, rectangle((-0.70, 0.70), (z, z + 0.045)), REAR, 1.0, 0.006, cells=(2, 5))
@@ -229,8 +262,11 @@ def trim(shape: BusShape, body: Mesh) -> Mesh:
             for s in (1.0, -1.0)
         ),
     ]
-    for a, b in shape.doors:
-        parts.append(side_panel(body, rectangle((a, b), (0.34, max(1.18, sill - 0.08))), 0.009, (4, 2), "right"))
+    doors = [
+        side_panel(body, rectangle((a, b), (0.34, max(1.18, sill - 0.08))), 0.009, (4, 2), "right")
+        for a, b in shape.doors
+    ]
+    parts.append(opened(merge(doors), shape.openings, shape.width / 2, shape.length / 2))
     lines = [np.array([(x, 0.36), (x, sill - 0.08)]) for x in shape.lines]
     parts.append(strips(body, lines, 0.008, 0.002))
     wipers = ((0.12, 0.75), (-0.95, -0.32))
@@ -251,8 +287,8 @@ def sign(shape: BusShape, body: Mesh) -> Mesh:
 
 
 def _mirrors(shape: BusShape) -> tuple[Mesh, Mesh]:
-    """Return both mirrors on arms ahead of the corners, and their glass."""
-    x, z = shape.length / 2 + 0.05, shape.screen[2] - 0.42
+    """Return both mirrors on arms beside the wind screen, not ahead of the front, and their glass."""
+    x, z = shape.length / 2 - 0.11, shape.screen[2] - 0.42
     profile = np.array([(0.0, -0.22), (0.07, -0.22), (0.10, -0.17), (0.10, 0.17), (0.07, 0.22), (0.0, 0.22)])
     housing = outward(revolve(profile, 10, "z")).moved((x, 1.36, z))
     arm = [
@@ -305,8 +341,8 @@ def build(shape: BusShape, fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     painted, floor = loft(shape.body if fine else shape.light_body, fine)
     body = merge([painted, floor])
     parts: dict[str, tuple[Mesh, str]] = {
-        "body": (painted, "paint"),
-        "glass": (glass(shape, body, fine), "glass"),
+        "body": (opened(painted, shape.openings, shape.width / 2, shape.length / 2) if fine else painted, "paint"),
+        "glass": (glass(shape, body, fine), "pane" if fine else "glass"),
         "roof_units": (roof_units(shape, fine), "roof_cover"),
         **lamps(shape, body, fine),
         **NumberPlates(shape.length / 2, 0.55, 0.66, 0.06, 7).parts(fine),
@@ -326,5 +362,6 @@ def build(shape: BusShape, fine: bool = True) -> dict[str, tuple[Mesh, str]]:
         "stripe": (merge(stripe), "stripe_paint"),
         "mirrors": (mirrors, "trim"),
         "mirror_glass": (mirror_glass, "mirror_glass"),
+        **inside(shape.saloon),
         **wheels(shape),
     }

@@ -8,6 +8,8 @@ from ..geometry.mesh import Mesh, box, merge, outward, revolve
 from . import bus
 from .body_loft import BodyShape, loft, side_panel
 from .bus import BusShape
+from .bus_inside import Saloon, inside, opened
+from .cars.interior import Seat
 from .vehicle_parts import bar
 from .wheels import WheelShape
 
@@ -34,6 +36,9 @@ SHAPE = BusShape(
     windows=(1.45, 2.45), door_windows=(0.70, 2.45), screen=(0.84, 1.32, 2.42), back=(0.80, 1.45, 2.42),
     display=(2.52, 2.72), beside_door=None, roof=((-1.6, 1.0),), lines=(-3.9, -2.4, -0.7, 0.7, 2.4, 3.9),
     stripe=(((-5.3, 5.3),), (0.98, 1.22)), tail=(0.86, 1.10), back_rows=6, lamp_rise=0.03,
+    saloon=Saloon(
+        0.86, Seat(5.62, 0.0, 1.40), (-5.1, 3.9), 0.9, ((4.35, 5.55), (-0.65, 0.65), (-5.55, -4.35)), 1.08, True
+    ),
 )  # fmt: skip # a table
 
 
@@ -90,8 +95,8 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     painted, floor = loft(_BODY, fine)
     body = merge([painted, floor])
     parts: dict[str, tuple[Mesh, str]] = {
-        "body": (painted, "paint"),
-        "glass": (bus.glass(SHAPE, body, fine), "glass"),
+        "body": (opened(painted, SHAPE.openings, SHAPE.width / 2, SHAPE.length / 2) if fine else painted, "paint"),
+        "glass": (bus.glass(SHAPE, body, fine), "pane" if fine else "glass"),
         "roof_units": (_roof(), "roof_cover"),
         **bus.lamps(SHAPE, body, fine),
         "underbody": (merge([floor, _bogies(fine)]), "underbody"),
@@ -105,6 +110,7 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
         "trim": (bus.trim(SHAPE, body), "trim"),
         "signs": (bus.sign(SHAPE, body), "led_sign"),
         "stripe": (merge(stripe), "stripe_paint"),
+        **inside(SHAPE.saloon),
     }
 
 

@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..geometry.decal import panel, strips
+from ..geometry.holes import cut_out, shrunk
 from ..geometry.mesh import Mesh, box, merge, outward, revolve
 from .body_loft import BodyShape, loft, side_panel
+from .cars.interior import Seat
+from .driving_place import Parts, driving_place
 from .number_plates import NumberPlates
 from .vehicle_parts import bar, car_underbody
 from .wheels import WheelShape, wheel_parts
@@ -64,9 +67,23 @@ def cab_glass(body: Mesh, fine: bool) -> Mesh:
     return merge([screen, side_panel(body, DOOR_WINDOW, 0.006 if fine else 0.012, few)])
 
 
-def _glass(body: Mesh, fine: bool) -> Mesh:
+def opened(mesh: Mesh) -> Mesh:
+    """Return a part of the body without what the panes of the cab stand before."""
+    found = cut_out(mesh, shrunk(WINDSCREEN, 0.02), "x", 1.0, 0.9)
+    for side in (1.0, -1.0):
+        found = cut_out(found, shrunk(DOOR_WINDOW, 0.02), "y", side, 0.6)
+    return found
+
+
+def inside(wall: float, height: float, hips: float) -> Parts:
+    """Return dashboard, seats and driver, whose hips are at x, before a wall at x, of a height [m]."""
+    partition = box((0.03, 1.72, height - 0.50), (wall, 0.0, 0.5 * height + 0.20))
+    return driving_place(Seat(hips, 0.46, 1.04), 0.78, 1.26, [partition])
+
+
+def _rear_glass(body: Mesh, fine: bool) -> Mesh:
     rear = ((0.06, 1.32), (0.78, 1.32), (0.72, 1.98), (0.06, 1.98))
-    return merge([cab_glass(body, fine), _pair(body, rear, REAR, (4, 6) if fine else (2, 3))])
+    return _pair(body, rear, REAR, (4, 6) if fine else (2, 3))
 
 
 def headlamps(body: Mesh, fine: bool) -> Mesh:
@@ -164,13 +181,15 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     body = merge([painted, floor])
     under = car_underbody(FRONT_AXLE, REAR_AXLE, WIDTH, LENGTH, BODY.floor, WHEEL.radius)
     parts: dict[str, tuple[Mesh, str]] = {
-        "body": (painted, "paint"),
-        "glass": (_glass(body, fine), "glass"),
+        "body": (opened(painted) if fine else painted, "paint"),
         **_lamps(body, fine),
         **NumberPlates(LENGTH / 2, 0.45, 0.66, 0.06, 5).parts(fine),
     }
+    rear = _rear_glass(body, fine)
     if not fine:
+        parts["glass"] = (merge([cab_glass(body, fine), rear]), "glass")
         return parts | {"trim": (floor, "trim"), "underbody": (under["floor"], "underbody"), **wheels(True)}
+    parts |= {"glass": (cab_glass(body, fine), "pane"), "rear_glass": (rear, "glass"), **inside(0.36, 2.2, 1.02)}
     mirror_parts, mirror_glass = mirrors()
     return parts | {
         "trim": (merge([floor, _trim(body)]), "trim"),

@@ -30,7 +30,8 @@ MOST_SAMPLES = 5_000_000
 
 _WORDS = (
     ("bus", "bus"), ("coach", "coach"), ("tram", "tram"), ("pickup", "pickup"),
-    ("truck", "lorry"), ("lorry", "lorry"), ("trailer", "lorry"), ("delivery", "van"), ("van", "van"),
+    ("trailer", "articulated_lorry"), ("articulated", "articulated_lorry"),
+    ("truck", "lorry"), ("lorry", "lorry"), ("delivery", "van"), ("van", "van"),
     ("emergency", "van"), ("motorcycle", "motorcycle"), ("moped", "scooter"), ("scooter", "scooter"), ("bike",
     "bicycle"), ("bicycle", "bicycle"),
     ("suv", "suv"), ("wagon", "estate"), ("hatchback", "small_car"), ("small", "small_car"),

@@ -83,6 +83,8 @@ def model_for(track: Track, models: Sequence[ActorModel] | None = None) -> str |
     others = (*NAMED.values(), _SITTING, *WALKERS)
     fitting = [one for one in pool if one.semantic in CLASSES[key] and one.name not in others]
     fitting = [one for one in fitting if not (moves and one.motion == "stand")]
+    if key == "vehicle.trailer":  # a box of its own beside that of what tows it
+        fitting = [one for one in fitting if all(joint["kind"] != "trailer" for joint in one.joints)]
 
     def misfit(model: ActorModel) -> float:
         ratios = np.abs(np.log(np.array(track.size) / [model.length, model.width, model.height]))

@@ -70,7 +70,7 @@ def trim(shape: CarShape) -> Mesh:
     ]  # fmt: skip # a table
     half = 0.76 * shape.cabin_base_width
     hood = box((0.12, 0.30, 0.05), (x + 0.07, driver.y, top + 0.015))
-    return merge([_ledge(shape, deck), prism(outline, -half, half), hood, _steering_wheel(driver)])
+    return merge([_ledge(shape, deck), prism(outline, -half, half), hood, steering_wheel(driver)])
 
 
 def _ledge(shape: CarShape, deck: PchipInterpolator) -> Mesh:
@@ -87,7 +87,8 @@ def _ledge(shape: CarShape, deck: PchipInterpolator) -> Mesh:
     return ledge if np.cross(b - a, c - a)[:, 2].sum() > 0.0 else ledge.flipped()
 
 
-def _steering_wheel(driver: Seat) -> Mesh:
+def steering_wheel(driver: Seat) -> Mesh:
+    """Return the wheel before a driver with its column."""
     turn = np.radians(np.linspace(0.0, 360.0, 17))[:-1]
     slant = np.radians(27.0)
     centre = np.array([driver.x + 0.42, driver.y, driver.z + 0.30])
@@ -115,12 +116,12 @@ def upholstery(shape: CarShape) -> Mesh:
     found = seats(shape)
     parts = []
     for name in ("driver", "beside"):
-        parts += [*_seat(found[name], (0.25, 0.235)), _head_rest(found[name])]
+        parts += [*chair(found[name], (0.25, 0.235)), head_rest(found[name])]
     if "left" in found:
         left = found["left"]
         bench = Seat(left.x, 0.0, left.z)
         halves = 0.22 * shape.width, left.y + 0.24  # the cushion lies between the wheel houses, the back above them
-        parts += [*_seat(bench, halves, 0.46, 0.26), *(_head_rest(found[name], 0.46) for name in ("left", "right"))]
+        parts += [*chair(bench, halves, 0.46, 0.26), *(head_rest(found[name], 0.46) for name in ("left", "right"))]
     return merge(parts)
 
 
@@ -130,7 +131,7 @@ def _along_back(seat: Seat, up: float, behind: float) -> tuple[float, float]:
     return seat.x - up * s - behind * c, seat.z + up * c - behind * s
 
 
-def _seat(seat: Seat, halves: tuple[float, float], height: float = BACK, start: float = -0.12) -> list[Mesh]:
+def chair(seat: Seat, halves: tuple[float, float], height: float = BACK, start: float = -0.12) -> list[Mesh]:
     """Return cushion and back, of two half widths; the back from `start` to `height` over the hips."""
     low = seat.z - 0.10
     cushion = [
@@ -143,7 +144,8 @@ def _seat(seat: Seat, halves: tuple[float, float], height: float = BACK, start: 
     return [prism(outline, seat.y - half, seat.y + half) for outline, half in outlines]
 
 
-def _head_rest(seat: Seat, height: float = BACK) -> Mesh:
+def head_rest(seat: Seat, height: float = BACK) -> Mesh:
+    """Return the head rest over a back of a height [m]."""
     outline = [
         _along_back(seat, height + up, behind)
         for up, behind in ((0.01, 0.15), (0.16, 0.14), (0.19, 0.17), (0.17, 0.22), (0.01, 0.21))
@@ -154,11 +156,15 @@ def _head_rest(seat: Seat, height: float = BACK) -> Mesh:
 def occupants(shape: CarShape, names: Sequence[str] = ("driver",)) -> dict[str, Mesh]:
     """Return people on some places, as one mesh of clothes, one of skin and one of hair."""
     found = seats(shape)
-    people = [_person(found[name], drives=name == "driver") for name in names]
-    return {kind: merge([person[kind] for person in people]) for kind in ("clothes", "skin", "hair")}
+    return merged([person(found[name], drives=name == "driver") for name in names])
 
 
-def _person(seat: Seat, drives: bool) -> dict[str, Mesh]:
+def merged(people: Sequence[dict[str, Mesh]]) -> dict[str, Mesh]:
+    """Return some people as one mesh of clothes, one of skin and one of hair."""
+    return {kind: merge([one[kind] for one in people]) for kind in ("clothes", "skin", "hair")}
+
+
+def person(seat: Seat, drives: bool) -> dict[str, Mesh]:
     """Return somebody who sits: trunk, arms and thighs; hands, neck and face; hair."""
     rows = np.array(
         [(-0.10, 0.14, 0.10), (0.0, 0.175, 0.12), (0.20, 0.15, 0.11), (0.38, 0.185, 0.12), (0.46, 0.20, 0.10),

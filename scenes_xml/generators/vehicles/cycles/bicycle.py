@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry.mesh import Array, Mesh, box, extrude, grid, merge, outward, revolve, tube
-from ..people.pedestrian import ellipsoid
+from ...geometry.mesh import Array, Mesh, box, extrude, grid, merge, outward, revolve, tube
+from ...people.pedestrian import ellipsoid
 
 Parts = dict[str, tuple[Mesh, str]]
 
@@ -111,7 +111,8 @@ def _line(*points: Array, radius: float, segments: int) -> Mesh:
     return tube(np.array(points), radius, segments)
 
 
-def _frame(shape: BicycleShape, segments: int) -> Mesh:
+def frame(shape: BicycleShape, segments: int) -> Mesh:
+    """Return the frame without the fork."""
     thin = 3 if segments == 4 else segments
     bracket, seat_top = shape.seat_tube(0.0), shape.seat_tube(0.50)
     low, high = shape.steering(0.42), shape.steering(0.56)
@@ -260,7 +261,7 @@ def build(shape: BicycleShape, light: bool = False) -> Parts:
     )
     holder = _line(shape.steering(0.49), shape.steering(0.49) + [0.06, 0.0, 0.0], radius=0.008, segments=segments)
     parts: Parts = {
-        "frame": (merge([_frame(shape, segments), _fork(shape, segments)]), "paint"),
+        "frame": (merge([frame(shape, segments), _fork(shape, segments)]), "paint"),
         "handlebar": (merge([bar, post, holder]), "chrome"),
         "saddle": (merge([saddle(shape, segments), grips]), "trim"),
         "cranks": (cranks(shape, light), "chrome"),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.mesh import Mesh, box, extrude, merge, tube
+from ...geometry.mesh import Mesh, box, extrude, merge, tube
 from .bicycle import Parts, disc, light_disc, mudguard, ring
 
 
