@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import scenes_xml
 from scarl_sionna.core.errors import (
-    ParameterRangeError,
     ScenarioError,
     ScenarioFileError,
     ScenarioNameError,
@@ -153,9 +152,6 @@ def scene_of(spec: ScenarioSpec) -> SceneDocument:
     if text in scenes_xml.scene_names():
         try:
             path = find_scene(text, spec.variant, spec.detail)
-        except ParameterRangeError as error:  # a scene that comes in one variant or level of detail only
-            key = "variant" if spec.variant != 0 else "detail"
-            raise ScenarioValueError(error.remedy or str(error), spec.place(key), "leave it out") from error
         except SceneError as error:
             raise ScenarioFileError(str(error), spec.place("scene"), value=text) from error
         return read_document(path, spec.detail)

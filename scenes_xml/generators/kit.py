@@ -167,6 +167,21 @@ class SceneKit:
             )
         self.instance(name, semantic, [f"{name}_{part}" for part in thing.files], is_object, signal)
 
+    def copies(
+        self,
+        name: str,
+        semantic: str,
+        parts: Mapping[str, Mesh],
+        bsdfs: Mapping[str, str],
+        places: Sequence[tuple[Vector, float, float]],
+    ) -> None:
+        """Add copies of a thing (place [m], yaw [deg], scale) as one instance of few shapes, for the light level."""
+        crease = 60.0 if semantic == "Vegetation" else 40.0
+        for part, body in parts.items():
+            placed = [body.moved(where, np.radians(yaw), scale) for where, yaw, scale in places]
+            self.add(f"{name}_{part}", mesh.merge(placed), bsdfs[part], crease)
+        self.instance(name, semantic)
+
     def actor(
         self,
         name: str,
@@ -215,12 +230,3 @@ def check_detail(detail: str) -> None:
     """Raise ValueError unless `detail` is one of `DETAILS`."""
     if detail not in DETAILS:
         raise ValueError(f"detail is {detail!r}; allowed are {' and '.join(DETAILS)}")
-
-
-def only_one(name: str, variant: int, detail: str) -> None:
-    """Raise ValueError unless variant 0 at the detailed level is asked for: for scenes that come in no other."""
-    check_detail(detail)
-    if variant != 0 or detail != "detailed":
-        raise ValueError(
-            f"scene {name!r} comes in variant 0, detailed, only; asked for were variant {variant}, {detail}"
-        )

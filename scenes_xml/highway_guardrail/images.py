@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from ..generators.geometry.mesh import Array
 from ..generators.surfaces import images, interior, textures
+from ..generators.surfaces.palette import PALETTE
+from ..generators.xml import Bsdf
 from . import layout as at
 from .layout import LANE_LEFT, PAVEMENT_LEFT, PAVEMENT_RIGHT
 
@@ -37,5 +41,9 @@ IMAGES: dict[str, Callable[[int], Any]] = {
     "asphalt.png": _road,
     "puddles.png": lambda seed: textures.resized(textures.puddles(512, seed + 7, TRACKS, SPAN), 256),
     "grass.png": lambda seed: textures.grass(384, seed + 11),
+    "sign_bend_right.png": lambda seed: textures.sign_bend(256).transpose(Image.Transpose.FLIP_LEFT_RIGHT),
 }
 """File -> function of the seed that draws it."""
+
+MATERIALS: dict[str, Bsdf] = {"sign_bend_right": replace(PALETTE["sign_bend"], texture="sign_bend_right.png")}
+"""Name of the bsdf -> its properties; beside those of the palette."""

@@ -18,13 +18,6 @@ def _load(folder: Path, text: str) -> ScenarioSpec:
     return ScenarioSpec.load(file)
 
 
-@pytest.mark.parametrize(("line", "key"), [("detail: light", "detail"), ("variant: 3", "variant")])
-def test_a_scene_of_one_variant_and_level_says_so(tmp_path: Path, line: str, key: str) -> None:
-    with pytest.raises(ScenarioValueError, match="comes in variant 0, detailed, only") as caught:
-        compose(_load(tmp_path, HEAD + line + "\n"))
-    assert (caught.value.line, caught.value.key) == (3, key)
-
-
 def test_a_cache_folder_that_is_a_file_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "taken").touch()
     monkeypatch.setenv("SCARL_CACHE_DIR", str(tmp_path / "taken"))

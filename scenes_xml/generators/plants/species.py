@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,6 +61,11 @@ KINDS: dict[str, Species] = {
 TOWN = ("lime", "plane", "maple", "poplar", "cherry")
 COUNTRY = ("oak", "lime", "maple", "birch", "poplar", "willow", "cherry", "pine", "spruce")
 """Kinds of streets in towns, and of the country."""
+
+
+def light_shape(shape: TreeShape) -> TreeShape:
+    """Return the measures of a tree with the few, large leaf cards of the light level."""
+    return replace(shape, blobs=min(shape.blobs, 8), leaves=LIGHT_LEAVES, leaf_size=LIGHT_SIZE)
 
 
 def tree(kind: str, seed: int, is_light: bool = False) -> tuple[dict[str, Mesh], dict[str, str]]:
