@@ -43,7 +43,7 @@ def main() -> None:
     body = load_body(actor_parts(ss.stage("highway_guardrail", [actor]), "it"))
     for what, (acceleration, gradient, centres) in CASES.items():
         tilt = acceleration / GRAVITY * gradient
-        azimuth = np.radians(np.concatenate([centre + np.arange(-6.0, 6.1, 0.75) for centre in centres]))
+        azimuth = np.radians(np.concatenate([centre + np.arange(-6.0, 6.1, 2.0) for centre in centres]))
         level, tilted = (power_to_db(echoes(body, azimuth, angle)) for angle in (0.0, tilt))
         beside = power_to_db(echoes(body, azimuth + np.radians(0.05), 0.0))
         means = [power_to_db(np.mean(10 ** (values / 10))) for values in (level, tilted, beside)]
