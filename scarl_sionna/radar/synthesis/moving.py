@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -157,6 +157,7 @@ class _Planner:
     weight: Array
     uneven: Array
     tolerance: float
+    tried: dict[bytes, _Tried] = field(default_factory=dict)
 
     def plan(self, index: Index) -> Plan:
         """Return the cheapest way for some paths: blocks are halved as long as that pays."""
@@ -167,9 +168,9 @@ class _Planner:
         if self._least_cost(count, size) > best.cost:
             return best
         worst = index[np.argsort(-self.weight[index], kind="stable")[:NUM_TRIED]]
-        motion = PathMotion.of(self.paths.select(worst), radar)
+        tried = self._tried(worst)
         while self._least_cost(count, size) < best.cost:
-            series = _ended(motion, radar, size, self.tolerance)
+            series = tried.series(size)
             if series is not None:
                 share = float(self.uneven[index].max()) * (size / radar.num_chirps) ** 2
                 pairwise = share > PAIR_SHARE * self.tolerance
@@ -183,6 +184,13 @@ class _Planner:
             size = -(-size // 2)
         return best
 
+    def _tried(self, worst: Index) -> _Tried:
+        """Return the series of some paths: a group and what it is joined with often have the same ones to try."""
+        key = worst.tobytes()
+        if key not in self.tried:
+            self.tried[key] = _Tried(PathMotion.of(self.paths.select(worst), self.radar), self.radar, self.tolerance)
+        return self.tried[key]
+
     def _least_cost(self, count: int, size: int) -> float:
         samples, blocks = self.radar.num_samples * self.radar.num_chirps, -(-self.radar.num_chirps // size)
         return samples * SCREEN_COST + blocks * (count * groups.CHIRPZ_SPREAD_COST + BLOCK_COST)
@@ -194,6 +202,22 @@ class _Planner:
         if pairwise:
             extra += blocks * count * series.nodes[0] * series.nodes[1] * POINT_COST
         return self._least_cost(count, size) + extra + blocks * terms * BLOCK_COST
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """The series of some paths, each size of block once."""
+
+    motion: PathMotion
+    radar: RadarSpec
+    tolerance: float
+    known: dict[int, Series | None] = field(default_factory=dict)
+
+    def series(self, size: int) -> Series | None:
+        """Return the series for blocks of so many chirps; None if it does not end."""
+        if size not in self.known:
+            self.known[size] = _ended(self.motion, self.radar, size, self.tolerance)
+        return self.known[size]
 
 
 def _ended(motion: PathMotion, radar: RadarSpec, size: int, tolerance: float) -> Series | None:
