@@ -91,12 +91,10 @@ def _run(nodeids: list[str], options: list[str]) -> dict[str, tuple[str, str]]:
             check=False,
             **with_parent(),
         )
-        found = {
-            "": (
-                "failed",
-                f"the test's own process ended with {done.returncode}:\n{(done.stdout + done.stderr)[-2000:]}",
-            )
-        }
+        lines = (done.stdout + done.stderr).splitlines()
+        # after a crash Python names all compiled modules, in a line that is longer than where it happened
+        printed = "\n".join(line for line in lines if not line.startswith("Extension modules: "))[-4000:]
+        found = {"": ("failed", f"the test's own process ended with {done.returncode}:\n{printed}")}
         for line in results.read_text(encoding="utf-8").splitlines():
             nodeid, outcome, text = json.loads(line)
             if outcome == "peak":
