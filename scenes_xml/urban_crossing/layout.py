@@ -11,7 +11,6 @@ import numpy as np
 
 from ..generators.geometry.mesh import Array
 from ..generators.people.pedestrian import BodyShape
-from ..generators.plants.species import TOWN
 from ..generators.roads.road import RoadCurve
 from ..generators.scene_toml import Lane, Parking
 
@@ -186,6 +185,8 @@ VEHICLES = (
     ("pickup", "orange"), ("van", None), ("saloon", "silver"), ("saloon", "red"), ("small_car", "blue"),
 )  # fmt: skip # a table
 """Models and colours of the cars that a variant draws, those on their way and those at the kerb."""
+STREET_TREES = {"tree": 0.97, "lime": 0.8, "plane": 0.58, "birch": 0.95}
+"""Kinds with their scale: crowns between a head and the house behind."""
 PEOPLE = (
     ("adult_man", "red"), ("adult_man", "grey"), ("adult_man", "olive"), ("adult_woman", "plum"),
     ("adult_woman", "camel"), ("adult_woman", "teal"), ("child", "yellow"), ("child", "pink"),
@@ -229,18 +230,18 @@ def layout(variant: int = 0) -> Layout:
 
 def _trees(g: np.random.Generator, shift: float) -> tuple[TreePlan, ...]:
     """Return street trees of one or two kinds on the left; none where people cross."""
-    kinds = [str(kind) for kind in g.permutation(TOWN)[: int(g.integers(1, 3))]]
+    kinds = [str(kind) for kind in g.permutation(sorted(STREET_TREES))[: int(g.integers(1, 3))]]
     step = float(np.round(g.uniform(13.0, 19.0), 1))
     places = np.arange(-60.0 + float(np.round(g.uniform(0.0, 8.0), 1)), 130.0, step)
     low, high = ZEBRA[0] + shift - 4.5, ZEBRA[1] + shift + 4.5
-    return tuple(
-        TreePlan(
-            str(g.choice(kinds)), round(float(x), 2), KERB_LEFT + 0.9, float(np.round(g.uniform(0.0, 360.0), 0)),
-            float(np.round(g.uniform(0.5, 0.68), 2)),
-        )
-        for x in places
-        if not low < x < high
-    )  # fmt: skip # a table
+    trees = []
+    for x in places:
+        kind, scale = str(g.choice(kinds)), float(g.uniform(0.94, 1.08))
+        turn = float(np.round(g.uniform(0.0, 360.0), 0))
+        if not low < x < high:
+            scale = float(np.round(scale * STREET_TREES[kind], 2))
+            trees.append(TreePlan(kind, round(float(x), 2), KERB_LEFT + 0.9, turn, scale))
+    return tuple(trees)
 
 
 def _walkers(g: np.random.Generator, shift: float) -> tuple[WalkerPlan, ...]:

@@ -63,7 +63,8 @@ def _add_pavement(kit: SceneKit, plan: Layout, side: str, s: np.ndarray, kerb: f
     """Add kerb stones, dropped at the crossing, and the slabs up to the houses."""
     zebra = plan.zebra
     sign = np.sign(kerb)
-    fine = np.unique(np.concatenate([s, np.linspace(zebra[0] - 2.0, zebra[1] + 2.0, 33)]))
+    near = np.linspace(zebra[0] - 2.0, zebra[1] + 2.0, 33)
+    fine = np.unique(np.round(np.concatenate([s, near]), 6))  # no slivers, which would leave a gap
     middle, half = np.mean(zebra), (zebra[1] - zebra[0]) / 2 + 0.3
     drop = 1.0 - np.clip((half + 1.0 - np.abs(fine - middle)) / 1.0, 0.0, 1.0) * (1.0 - at.DROPPED)
     across = kerb + sign * np.array([0.0, 0.004, 0.02, at.RAMP[0]])

@@ -89,13 +89,12 @@ def add_trees(kit: SceneKit, plan: Layout) -> None:
     ready = {}
     for kind in dict.fromkeys(tree.kind for tree in plan.trees):
         parts, bsdfs = _tree(kit, plan, kind)
-        prefix = kind if kind == "tree" else f"tree_{kind}"
         if kit.is_light:
             same = [tree for tree in plan.trees if tree.kind == kind]
             copies = [((tree.x, tree.y, at.KERB_HEIGHT), tree.turn, tree.scale) for tree in same]
-            kit.copies(prefix, "Vegetation", parts, bsdfs, copies)
+            kit.copies(f"trees_{kind}", "Vegetation", parts, bsdfs, copies)
         else:
-            ready[kind] = kit.prefab(prefix, parts, bsdfs, 60.0)
+            ready[kind] = kit.prefab(kind if kind == "tree" else f"tree_{kind}", parts, bsdfs, 60.0)
     for number, tree in enumerate(plan.trees):
         if tree.kind in ready:
             where = (tree.x, tree.y, at.KERB_HEIGHT)
