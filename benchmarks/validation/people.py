@@ -107,17 +107,9 @@ def adults() -> list[Row]:
     """Return the rows of adults that stand and walk."""
     means = [value for pair in JRC.values() for value in pair]
     runs = {model: run_of(model, "detailed")["rcs_dbsm"] for model in ADULTS}
-    level = np.asarray(runs["standing_adult"])
-    light = mean_db(run_of("standing_adult", "light")["rcs_dbsm"])
-    stands = (
-        "its broad front and back (0.67 m with its arms): within 30 deg of them the mean is -0.7 and -0.2 dBsm, of the "
-        "man who walks -1.0 and -7.6; one bounce alone (-3.0) and 36 other azimuths (-3.0) do not change it, its light "
-        f"geometry has {light}. The mean of its decibels is {level.mean():.1f} dBsm, and which mean the source means "
-        "was not read"
-    )
     rows = [
         Row(f"mean_{model}", f"mean RCS over azimuth of `{model}`, 3.4 m, VV", "jrc", "dBsm", min(means), max(means),
-            "between", "held out", mean_db(runs[model]), GARMENTS, stands if model == "standing_adult" else "")
+            "between", "held out", mean_db(runs[model]), GARMENTS)
         for model in ADULTS
     ]  # fmt: skip # a table
     every = np.concatenate([runs[model] for model in ADULTS])
