@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scarl_sionna.scenario.checks.motion import contacts
 from scarl_sionna.scenario.motion.bodies import ActorBody, body_of
 from scarl_sionna.scenario.motion.paths import LEAN, PathTrajectory
 from scarl_sionna.scenario.motion.profiles import SpeedProfile
@@ -67,4 +68,5 @@ def test_velocities_are_derivatives_and_the_feet_stay(motion) -> None:
 @pytest.mark.parametrize("name", ["bicycle", "cargo_bike", "scooter", "motorcycle"])
 def test_models_of_two_wheelers_lean(name) -> None:
     body = body_of(name)
+    assert (contacts(body)[:, 1] == 0.0).all() and len(contacts(body)) == 2  # two wheels, which stay where they are
     assert circle(20.0, 6.0, body).lean(3.0)[0][0] == pytest.approx(np.arctan(36.0 / (9.80665 * 20.0)), abs=1e-3)

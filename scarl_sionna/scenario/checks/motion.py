@@ -65,7 +65,7 @@ def contacts(body: BodyLike) -> Array:
     whole = ActorBody.of(body)
     if whole.wheelbase <= 0.0:
         return np.zeros((1, 3))
-    half = 0.4 * whole.width if whole.wheelbase > 1.6 else 0.0
+    half = 0.4 * whole.width if whole.wheelbase > 1.6 and whole.motion != "cycle" else 0.0
     axles = (whole.rear_axle, whole.rear_axle + whole.wheelbase)
     return np.unique([[x, y, 0.0] for x in axles for y in (-half, half)], axis=0)
 
