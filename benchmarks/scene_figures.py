@@ -1,6 +1,7 @@
 """Pictures of the scenes for docs/scenes.md, from the ego's roof and from above.
 
 python benchmarks/scene_figures.py [--figures docs/figures] [--only scene_urban_crossing_day]
+python benchmarks/scene_figures.py --sheet sheet.webp        nine places by day, at night, in rain and in winter
 """
 
 from __future__ import annotations
@@ -99,11 +100,42 @@ def gallery(figures: Path) -> Path:
     return path
 
 
+LOOKS = {"day": ("day", "clear"), "night": ("night", "clear"), "rain": ("day", "rain"), "winter": ("day", "winter")}
+"""Columns of the sheet: lighting and weather."""
+TILE = (240, 135)
+
+
+def tile(place: str, look: str) -> Image.Image:
+    """Return a draft picture of a place from its ego's roof."""
+    lighting, weather = LOOKS[look]
+    world = load_scene(place, detail="light").with_lighting(lighting).with_weather(weather)
+    time = next(time for scene, _, time, _ in PICTURES.values() if scene == place)
+    state = world.at(time)
+    spec = CameraSpec(width=TILE[0], height=TILE[1], horizontal_fov_deg=75.0, images=("rgb",))
+    frame = Camera(spec).observe(state, state.mount("ego", STREET), np.random.default_rng(0))
+    return Image.fromarray(frame.rgb)
+
+
+def sheet(path: Path, gap: int = 4) -> None:
+    """Write a sheet to look through: a row for each place, a column for each look."""
+    places = list(dict.fromkeys(scene for scene, *_ in PICTURES.values()))
+    width, height = (len(LOOKS) * (TILE[0] + gap) - gap, len(places) * (TILE[1] + gap) - gap)
+    whole = Image.new("RGB", (width, height), (255, 255, 255))
+    for row, place in enumerate(places):
+        for column, look in enumerate(LOOKS):
+            whole.paste(tile(place, look), (column * (TILE[0] + gap), row * (TILE[1] + gap)))
+    save_photo(whole, path)
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sheet", type=Path, help="write the sheet of all places to this file, and nothing else")
     parser.add_argument("--figures", type=Path, default=Path("docs/figures"))
     parser.add_argument("--only", nargs="*", choices=PICTURES, default=list(PICTURES))
     arguments = parser.parse_args()
+    if arguments.sheet is not None:
+        sheet(arguments.sheet)
+        return
     for name in arguments.only:
         save_photo(picture(*PICTURES[name]), arguments.figures / f"{name}.webp")
         print(f"{name}: {(arguments.figures / f'{name}.webp').stat().st_size // 1000} kB")

@@ -24,7 +24,7 @@ _SAMPLES = 96
 _LIFT = 0.05
 SKY = 300.0
 """What is higher above a place does not shelter it [m]."""
-_CLEARED = ("Roads", "RoadLine")
+_CLEARED = ("Roads", "RoadLine", "RailTrack")
 _NEVER = ("Water", "Vegetation")
 
 

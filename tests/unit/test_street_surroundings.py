@@ -14,7 +14,9 @@ import scarl_sionna as ss
 from scarl_sionna.core.errors import MapWarning
 from scarl_sionna.scene.streets.building.scene import build_scene
 from scarl_sionna.scene.streets.geometry.road import RoadShape
+from scarl_sionna.scene.streets.network.lanes import street_lanes
 from scarl_sionna.scene.streets.opendrive.street import read_map
+from scarl_sionna.scene.streets.surroundings.roadway import tram_lanes
 from scenes_xml.generators.plants import species
 from tests import street_maps as maps
 
@@ -144,6 +146,41 @@ def test_building_sites_and_scaffolding_keep_off_lanes_and_pavements(worlds):
     points = over_lanes(file, ("driving", "sidewalk"), 4000)
     names = np.unique(cast_down(world, points, 2.2)[1])
     assert not [one for one in names if one.startswith((f"{MADE_UP}site", f"{MADE_UP}barrier", f"{MADE_UP}scaffold"))]
+
+
+def test_patches_covers_and_rails_lie_flush_in_the_carriageway(worlds):
+    world, file = worlds("town", 7)
+    road = read_map(file).roads["1"]
+    generator, met = np.random.default_rng(4), {}
+    for lane in (1, -1):
+        inner, outer = RoadShape(road).edges(road.sections[0], lane, s := np.sort(generator.uniform(1.0, 319.0, 12000)))
+        share = generator.uniform(0.02, 0.98, len(s))
+        height, names = cast_down(world, inner + share[:, None] * (outer - inner), 1.0)
+        away = np.abs(share - 0.5) * np.linalg.norm((outer - inner)[:, :2], axis=1)
+        for name in np.unique(names):
+            kind, own = name.rsplit("_", 2)[0], names == name
+            met.setdefault(kind, []).append((height[own], away[own]))
+    assert {"roadway_roads", "roadway_railtrack"} <= set(met)
+    for kind in ("roadway_roads", "roadway_railtrack"):
+        heights = np.concatenate([one for one, _ in met[kind]])
+        assert len(heights) > 100 and np.abs(heights).max() < 0.02  # 8 mm, on chords of 9 mm
+    rails = np.concatenate([one for _, one in met["roadway_railtrack"]])
+    assert rails.min() > 0.7175 - 0.01 and rails.max() < 0.7775 + 0.01  # 1435 mm between heads of 60 mm
+    steel = [k for k, name in enumerate(world.parts.name) if "railtrack" in name or "manhole" in name]
+    assert steel and all(world.parts.material[k] == "metal" for k in steel)
+    assert has(world, "bicycle") and not any("roadway" in name for name in worlds("town", 0)[0].parts.name)
+
+
+def test_a_tram_goes_on_over_a_crossing(tmp_path):
+    file = tmp_path / "crossing.xodr"
+    file.write_text(MAPS["crossing"])
+    street = read_map(file)
+    network = street_lanes(street, {name: RoadShape(road) for name, road in street.roads.items()})[0]
+    found = [tram_lanes(street, network, np.random.default_rng(seed)) for seed in range(60)]
+    assert 10 <= sum(map(bool, found)) <= 38  # 0.4 of 60 within 3.7 sigma
+    for keys in filter(None, found):
+        inside = [key for key in keys if street.roads[key[0]].junction in street.junctions]
+        assert 2 <= len({key[0] for key in keys} - {key[0] for key in inside}) <= 3 and 1 <= len(inside) <= 2
 
 
 def test_pavements_are_raised_and_go_down_where_they_end(worlds):

@@ -41,7 +41,7 @@ def road_marks(shape: RoadShape, section: LaneSection, s: Array, findings: list[
             for line in _lines(mark, findings):
                 own = COLORS.get(line.color or "", material)
                 sides = [_beside(shape, section, lane, s, line.t + side * line.width) for side in (0.5, -0.5)]
-                dashes = [_stripe(s, sides, dash) for dash in _dashes(line, start, min(stop, section.stop), mark)]
+                dashes = [stripe(s, sides, dash) for dash in _dashes(line, start, min(stop, section.stop), mark)]
                 if dashes:
                     yield own, merge(dashes)
 
@@ -91,12 +91,12 @@ def _dashes(line: MarkLine, start: float, stop: float, mark: RoadMark) -> Iterat
             yield max(low, start), high
 
 
-def _stripe(s: Array, sides: Sequence[Array], span: tuple[float, float]) -> Mesh:
-    """Return a dash between two lines of points at the stations `s`, which lies on their chords."""
+def stripe(s: Array, sides: Sequence[Array], span: tuple[float, float], raised: float = RAISED) -> Mesh:
+    """Return a dash between two lines of points at the stations `s`, which lies `raised` [m] above their chords."""
     low, high = span
     own = np.r_[low, s[(s > low + 1e-6) & (s < high - 1e-6)], high]
     lines = [np.column_stack([np.interp(own, s, corner[:, k]) for k in range(3)]) for corner in sides]
-    points = np.stack(lines, 1) + [0.0, 0.0, RAISED]
+    points = np.stack(lines, 1) + [0.0, 0.0, raised]
     return upwards(grid(points, points[..., :2]))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from ..model import Array, Finding, MapObject, StreetMap
 from ..network.lanes import street_lanes
 from ..surroundings.add import surroundings
 from ..surroundings.lanes import with_kerbs
+from ..surroundings.roadway import add_roadway
 from . import structures
 from .areas import paved_areas
 from .buildings import building_meshes, building_plan
@@ -88,11 +89,8 @@ def build_scene(street: StreetMap, folder: Path, detail: str = "detailed", varia
     findings += problems
     add_signals(kit, street, shapes, lights, findings)
     if variant:
-        beside: defaultdict[tuple[str, str, int, int], list[Mesh]] = defaultdict(list)
-        for (semantic, material), meshes in surroundings(kit, street, shapes, pieces, height, variant).rows.items():
-            for mesh in meshes:
-                beside[(semantic, material, *_block(mesh))].append(mesh)
-        _add_blocks(kit, beside, "beside_")
+        _add_rows(kit, surroundings(kit, street, shapes, pieces, height, variant).rows, "beside_")
+        _add_rows(kit, add_roadway(street, shapes, network, TOLERANCE[detail], variant), "roadway_")
     kit.parking += parking
     kit.lanes += [_entry(network, name) for name in (lane.name for lane in network.lanes)]
     if network.signals is not None:
@@ -188,6 +186,15 @@ def _add_surfaces(kit: SceneKit, street: StreetMap, pieces: Sequence[Piece]) -> 
 def _block(mesh: Mesh) -> tuple[int, int]:
     middle = mesh.vertices[:, :2].mean(0)
     return int(np.floor(middle[0] / BLOCK)), int(np.floor(middle[1] / BLOCK))
+
+
+def _add_rows(kit: SceneKit, rows: Mapping[tuple[str, str], Sequence[Mesh]], prefix: str) -> None:
+    """Add meshes by class and material, those of a block of the map as one."""
+    parts: defaultdict[tuple[str, str, int, int], list[Mesh]] = defaultdict(list)
+    for (semantic, material), meshes in rows.items():
+        for mesh in meshes:
+            parts[(semantic, material, *_block(mesh))].append(mesh)
+    _add_blocks(kit, parts, prefix)
 
 
 def _add_blocks(kit: SceneKit, parts: dict[tuple[str, str, int, int], list[Mesh]], prefix: str = "") -> None:

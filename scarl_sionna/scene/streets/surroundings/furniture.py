@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes_xml.generators.geometry.mesh import Mesh, box, merge
+from scenes_xml.generators.geometry.mesh import Mesh, box, merge, tube
 from scenes_xml.generators.kit import Prefab, SceneKit
 from scenes_xml.generators.roadside import bus_stop, furniture, garden
+from scenes_xml.generators.vehicles.cycles import bicycle
 
 from ..building.signs import limit_face
 from ..model import Array
@@ -21,6 +22,11 @@ _ROOMY = 2.6
 """Pavements from this width on have benches and bins at their back [m]."""
 _STOPS = (260.0, 520.0)
 _METAL = {"back": "sign_back", "pole": "galvanized_steel"}
+_NARROW = 2.0
+"""Pavements from this width on have bicycles at their back [m]."""
+_AT_THE_BACK = ((0.2, "bench", 1.0), (0.33, "litter_bin", 0.3))
+"""Least share that is not reached, thing, and half its length [m]; the others are bicycles."""
+_LEAN = np.radians(5.0)
 _BINS = ("bin_black", "bin_blue", "bin_yellow", "bin_green")
 
 
@@ -133,11 +139,14 @@ def add_small_things(site: Site) -> None:
             if not side.is_open[place] or not site.is_dense(side, place):
                 continue
             yaw = side.yaw(place) + 0.5 * np.pi
-            if _walk_width(side, place) >= _ROOMY and chance < 0.5:
+            width = _walk_width(side, place)
+            if width >= _NARROW and chance < (0.5 if width >= _ROOMY else 0.25):
                 foot = np.array([*(side.walk[place, :2] - 0.45 * side.out[place]), side.walk[place, 2]])
-                kind, half = ("bench", 1.0) if chance < 0.25 else ("litter_bin", 0.3)
+                things = [one[1:] for one in _AT_THE_BACK if chance < one[0] and width >= _ROOMY]
+                kind, half = things[0] if things else ("bicycle", 1.0)
                 if site.room.taken(rectangle(foot, yaw, (-half, half), (-0.3, 0.3)), on_walk=True):
-                    site.put(kind, lambda kind=kind: _small(site.kit, kind), "Static", Stand(foot, yaw))  # type: ignore[misc]
+                    semantic = "Bicycle" if kind == "bicycle" else "Static"
+                    site.put(kind, lambda kind=kind: _small(site.kit, kind), semantic, Stand(foot, yaw))  # type: ignore[misc]
             elif chance > 0.7:
                 foot = side.front[place, :2] + 0.5 * side.out[place]
                 if site.room.taken(disc(foot, 0.45)):
@@ -154,5 +163,29 @@ def _small(kit: SceneKit, kind: str) -> Prefab:
         can = [box((0.4, 0.4, 0.75), (0.0, 0.0, 0.55)), box((0.08, 0.08, 0.4), (0.0, 0.0, 0.1))]
         body = merge([Mesh(part.vertices, part.faces) for part in can])
         return kit.prefab("beside_litter_bin", {"can": body}, {"can": "paint_green"})
+    if kind == "bicycle":
+        return _bicycle(kit)
     bsdfs = {"tub": "bin_black", "lid": "bin_black", "wheels": "tyre_rubber"}
     return kit.prefab("beside_waste_bin", garden.bin_on_wheels(), bsdfs)
+
+
+def _bicycle(kit: SceneKit) -> Prefab:
+    """Return a bicycle on its stand, which leans a little to the left, x along it."""
+    shape = bicycle.BicycleShape()
+    at = {"cranks": (shape.axle[0], 0.0, shape.axle[1])}
+    at |= {
+        f"{side}_pedal": (shape.axle[0] + sign * shape.crank, sign * shape.foot_y, shape.axle[1])
+        for side, sign in (("left", 1.0), ("right", -1.0))
+    }
+    looks = {"paint": "paint_green", "trim": "black_plastic", "tyre": "tyre_rubber", "headlamp": "white_plastic",
+             "taillamp": "black_plastic"}  # fmt: skip # a table
+    parts: dict[str, list[Mesh]] = {"stand": [tube(np.array([[-0.1, 0.05, 0.28], [-0.18, 0.22, 0.022]]), 0.008, 6)]}
+    for name, (mesh, look) in bicycle.build(shape, kit.is_light).items():
+        moved = mesh.moved(at.get(name, (0.0, 0.0, 0.0)))
+        parts.setdefault(looks.get(look, "grey_steel"), []).append(Mesh(moved.vertices, moved.faces))
+    parts["grey_steel"] += [Mesh(one.vertices, one.faces) for one in parts.pop("stand")]
+    cos, sin = np.cos(_LEAN), np.sin(_LEAN)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+    meshes = {name: merge(own) for name, own in parts.items()}
+    leant = {name: Mesh(mesh.vertices @ turn, mesh.faces) for name, mesh in meshes.items()}
+    return kit.prefab("beside_bicycle", leant, {name: name for name in leant})
