@@ -64,7 +64,7 @@ def take_known(
     from scipy.ndimage import gaussian_filter, rank_filter
 
     kept, wanted = (np.maximum(np.asarray(image, dtype=np.float64) @ _LUMINANCE, 0.0) for image in (denoised, traced))
-    tiny = np.finfo(np.float64).tiny
+    tiny = 1e-100
     around = gaussian_filter(variance / np.maximum(variance + kept**2 + wanted**2, tiny), _AROUND_PX)
     noise = _NOISES * np.maximum(variance, around * (0.5 * (kept + wanted)) ** 2)
     noise = np.maximum(noise, (_UNSURE * wanted) ** 2)
@@ -74,13 +74,19 @@ def take_known(
     return np.asarray(denoised + share[..., None] * (traced - denoised), dtype=np.float64)
 
 
-def keep_energy(denoised: npt.NDArray[np.floating], traced: npt.NDArray[np.floating]) -> Array:
+def keep_energy(
+    denoised: npt.NDArray[np.floating],
+    traced: npt.NDArray[np.floating],
+    glint: tuple[float, float] | None = GLINT,
+) -> Array:
     r"""Return the denoised image with the sums of the traced one, by place and brightness.
 
     Parameters
     ----------
     denoised, traced : ndarray of float, shape (height, width, 3)
         Linear; the traced image is noisy and unbiased.
+    glint : tuple of float, optional
+        As `GLINT`; None: every pixel shares all of its light.
 
     Returns
     -------
@@ -95,7 +101,7 @@ def keep_energy(denoised: npt.NDArray[np.floating], traced: npt.NDArray[np.float
     .. math:: y = d \, \frac{(S r)(c)}{(S d)(c)}, \quad c = (i / 16, j / 16, 4 \log_2 d)
 
     Pixels darker than their neighbourhood have sums of their own, so light does not leak to them. Sums over several
-    cells are those of the traced image; colours are those of the denoised one. A traced pixel that is more than `GLINT`
+    cells are those of the traced image; colours are those of the denoised one. A traced pixel that is more than `glint`
     times the denoised one (a lamp in a pane, met by one sample in hundreds) would brighten all pixels of its class:
     what is above stays where it is. Bright classes have many pixels, which hardly change by it.
 
@@ -110,8 +116,8 @@ def keep_energy(denoised: npt.NDArray[np.floating], traced: npt.NDArray[np.float
     top = float(kept.max())
     if top <= 0.0:
         return np.asarray(denoised, dtype=np.float64)
-    shared = np.where(kept < np.median(kept), *GLINT) * kept
-    rest = np.maximum(1.0 - shared / np.maximum(wanted, np.finfo(np.float64).tiny), 0.0)
+    shared = wanted if glint is None else np.where(kept < np.median(kept), *glint) * kept
+    rest = np.maximum(1.0 - shared / np.maximum(wanted, np.finfo(np.float64).tiny), 0.0) * (wanted > 0.0)
     wanted *= 1.0 - rest
     octave = np.log2(np.maximum(kept / top, 2.0**-_DARKEST)) + _DARKEST
     rows, columns = np.mgrid[: kept.shape[0], : kept.shape[1]] + 0.5

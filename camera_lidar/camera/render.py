@@ -25,7 +25,7 @@ from scarl_sionna.engine.world import World, WorldState
 
 from .denoise import denoise
 from .develop import develop
-from .energy import keep_energy, take_known
+from .energy import GLINT, keep_energy, take_known
 from .falling import add_falling
 from .ray_sensor import launch_samples, ray_sensor
 from .shining import lamp_light
@@ -96,8 +96,10 @@ def render_radiance(
     if not apart:
         return filtered
     filled = glows(state) | (traced.guides != 0.0).any(axis=-1, keepdims=True)  # elsewhere is sky, which shines itself
-    known = filtered if spec.samples_per_pixel == 1 else take_known(filtered, image, traced.variance(spec))
-    kept = np.where(filled, keep_energy(known, image), traced.reflected)
+    # in rooms most light comes over walls: pixels that no sample lit are everywhere, and so are glints
+    trusts = spec.samples_per_pixel > 1 and not state.world.is_indoors
+    known = take_known(filtered, image, traced.variance(spec)) if trusts else filtered
+    kept = np.where(filled, keep_energy(known, image, GLINT if trusts else None), traced.reflected)
     return np.asarray(kept + traced.shining, dtype=np.float32)
 
 

@@ -119,6 +119,8 @@ def test_one_glint_does_not_brighten_its_neighbours() -> None:
     # what is below `GLINT` is shared by at least the 16 x 16 pixels of a cell
     others = np.delete(repaired[:, :32].reshape(-1, 3), 20 * 32 + 10, axis=0)
     assert others.max() < 1.0 + GLINT[0] / 256.0
+    shared = keep_energy(truth, traced, None)  # as in rooms: the glint is spread over its class
+    assert shared[20, 10, 0] < 100.0 and shared[:, :32].max() > 2.0
 
 
 def test_samples_that_know_a_dark_place_are_believed_and_noise_is_not() -> None:
