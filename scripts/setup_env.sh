@@ -24,6 +24,7 @@ find_python() {
 
 make_venv() {
     local python
+    [ ! -L "$venv" ] || fail "$venv is a link: $(readlink -f "$venv") serves others and would be emptied; remove the link"
     python="$(find_python)" || fail "no Python >= 3.10 found; install python3.11, or name one: make PYTHON=/path/to/python setup"
     say "making $venv with $("$python" --version)"
     # Debian splits ensurepip off into python3-venv; without it pip itself can fill an empty environment

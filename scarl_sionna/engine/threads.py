@@ -8,6 +8,7 @@ large kernels among them in :func:`many_threads`. No result depends on it.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -19,8 +20,11 @@ there."""
 RAYS_PER_THREAD = 8192
 """Rays or tubes for which a further thread pays: some 10 ms of work, where it takes 0.1 ms to start and to stop one."""
 
-_all: list[int] = []
-"""The number of threads outside of the outermost :func:`few_threads`; empty outside of it."""
+_all = LEAST
+"""The number of threads outside of :func:`few_threads`, while somebody is in it."""
+_inside: set[int] = set()
+"""Python's threads that are in :func:`few_threads`."""
+_lock = threading.Lock()
 
 
 def limit_threads(count: int) -> None:
@@ -32,26 +36,50 @@ def limit_threads(count: int) -> None:
         At least `LEAST` are used.
     """
     ensure_engine()
+    with _lock:
+        _change(max(count, LEAST))
+
+
+def _change(count: int) -> None:
+    """Change the number of threads when nothing runs and nothing that is planned counts on the number.
+
+    Sums from many places into few (``scatter_add``, ``scatter_reduce``) have a copy of the few for each thread there is
+    when they are planned: one more that joins while they wait, or while their kernel runs, writes beyond the copies.
+    """
     import drjit
 
-    drjit.set_thread_count(max(count, LEAST))
+    if drjit.thread_count() != count:
+        drjit.eval()
+        drjit.sync_thread()
+        drjit.set_thread_count(count)
 
 
 @contextmanager
 def few_threads() -> Iterator[None]:
-    """Return a context manager in which kernels run on the calling thread, but for those in :func:`many_threads`."""
-    if _all:
+    """Return a context manager in which kernels run on the calling thread, but for those in :func:`many_threads`.
+
+    While several of Python's threads are in it, none changes anything: the kernels of another may run.
+    """
+    global _all
+    me = threading.get_ident()
+    if me in _inside:
         yield
         return
     ensure_engine()
     import drjit
 
-    _all.append(drjit.thread_count())
-    drjit.set_thread_count(1)
+    with _lock:
+        _inside.add(me)
+        if _inside == {me}:
+            _all = drjit.thread_count()
+            _change(1)
     try:
         yield
     finally:
-        drjit.set_thread_count(_all.pop())
+        with _lock:
+            _inside.discard(me)
+            if not _inside:
+                _change(_all)
 
 
 @contextmanager
@@ -63,15 +91,20 @@ def many_threads(work: int | None = None) -> Iterator[None]:
     work : int, optional
         Rays or tubes, see `RAYS_PER_THREAD`; all threads if left out, also for what needs `LEAST`.
     """
-    wanted = _all[0] if _all and work is None else min(_all[0], 1 + work // RAYS_PER_THREAD) if _all and work else 1
-    if wanted == 1:
-        yield
-        return
-    import drjit
+    me = threading.get_ident()
+    before = 0
+    if me in _inside:
+        import drjit
 
-    before = drjit.thread_count()
-    drjit.set_thread_count(max(wanted, before))
+        wanted = _all if work is None else min(_all, 1 + work // RAYS_PER_THREAD)
+        with _lock:
+            if _inside == {me} and wanted > drjit.thread_count():
+                before = drjit.thread_count()
+                _change(wanted)
     try:
         yield
     finally:
-        drjit.set_thread_count(before)
+        if before:
+            with _lock:
+                if _inside == {me}:
+                    _change(before)

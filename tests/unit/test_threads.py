@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import numpy as np
+
 CODE = """
 from scarl_sionna.engine.threads import limit_threads
 from scarl_sionna.engine import variant
@@ -108,3 +110,67 @@ def test_idle_threads_cost_no_processor_time_between_small_kernels() -> None:
     as_it_is, few = (float(value) for value in done.stdout.split())
     assert few < 0.02  # 0.00 s here
     assert few < as_it_is  # 0.08 s; less where other processes take the core
+
+
+PENDING = """
+from scarl_sionna.engine import threads
+from scarl_sionna.engine.backend.bootstrap import ensure_engine
+ensure_engine()
+import drjit
+import drjit.llvm as llvm
+import numpy as np
+threads.limit_threads(2)
+rng = np.random.default_rng(1)
+number = drjit.arange(llvm.UInt32, 200_000)
+for _ in range(400):
+    threads.limit_threads(int(rng.choice([2, 4, 16])))
+    with threads.few_threads():
+        sums = drjit.zeros(llvm.Float64, 64)
+        drjit.scatter_add(sums, llvm.Float64(number % 7), number & 63)
+        if rng.random() < 0.5:
+            drjit.eval(sums)  # begins, and runs on
+        with threads.many_threads():
+            total = drjit.sum(drjit.sin(llvm.Float64(number)))
+            drjit.eval(total)
+    assert np.all(sums.numpy() == WANTED)
+"""
+
+
+def test_threads_come_and_go_while_sums_wait() -> None:
+    """Sums have a copy for each thread: one more that joined wrote beyond them, and the process aborted."""
+    number = np.arange(200_000)
+    wanted = np.bincount(number & 63, number % 7)
+    code = PENDING.replace("WANTED", f"np.array({wanted.tolist()})")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+TOGETHER = """
+import threading
+from scarl_sionna.engine import threads
+threads.limit_threads(3)
+import drjit
+found, there, leave = [], threading.Event(), threading.Event()
+
+def other():
+    with threads.few_threads():
+        there.set()
+        leave.wait()
+
+one = threading.Thread(target=other)
+with threads.few_threads():
+    one.start()
+    there.wait()
+    with threads.many_threads():
+        found.append(drjit.thread_count())
+found.append(drjit.thread_count())
+leave.set()
+one.join()
+found.append(drjit.thread_count())
+print(*found)
+"""
+
+
+def test_who_is_not_alone_changes_no_number_of_threads() -> None:
+    done = subprocess.run([sys.executable, "-c", TOGETHER], capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout.split() == ["1", "1", "3"], done.stderr
