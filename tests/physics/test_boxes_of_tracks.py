@@ -24,9 +24,9 @@ APART = 0.01
 """Largest difference allowed between a label's velocity and its box's [m/s]; the bar is 0.1 m/s."""
 BEYOND = 0.03
 """How far a limb may be beyond the box of its track [m]: in bends."""
-AT_KERBS = np.array([0.15, BEYOND, 0.09])
-"""The same of who crosses a kerb of 12 cm: the step before it is longer by up to 0.24 m, and the feet are up to half of
-the kerb above and below the middle of the body's own way, which is smooth."""
+AT_KERBS = np.array([0.16 + BEYOND, BEYOND, 0.09])
+"""The same of who crosses a kerb of 12 cm: the step before it is longer, by up to 0.16 m in these scenarios, and the
+feet are up to half of the kerb above and below the middle of the body's own way, which is smooth."""
 PEDESTRIAN = semantic_id("Pedestrian")
 QUICK = ("child_between_parked_cars",)
 

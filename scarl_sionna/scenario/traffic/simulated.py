@@ -44,7 +44,11 @@ WARM_UP, CHANGING, WAITING = 5.0, 15.0, 30.0
 lane; where they change lanes, so that the fast have found theirs; where they wait, so that queues are there."""
 _APART = 0.4
 """Part of the mean gap that vehicles have between them at least at first: who is nearer begins by being too slow."""
-_TOP_SPEED = {"bicycle": 6.0, "scooter": 6.0, "lorry": 25.0, "articulated_lorry": 25.0, "bus": 27.8, "coach": 27.8}
+TOP_SPEED: Mapping[str, float] = {
+    "bicycle": 6.0, "cargo_bike": 6.0, "scooter": 6.0,
+    "lorry": 25.0, "articulated_lorry": 25.0, "bus": 27.8, "coach": 27.8,
+}  # fmt: skip # a table
+"""Of models that are slower than the limits of roads [m/s]."""
 
 
 def simulate_traffic(
@@ -302,7 +306,8 @@ class _Planner:
             pace = float(1.34 + 0.2 * spread[0]) * usual_pace(body)  # Weidmann 1993
             driver = Driver(body, [index], front, 0.9 * pace, 0.5, 1.0, 1.5, 0.4, 10.0, pace)
         else:
-            top = _TOP_SPEED.get(model, 60.0) * float(1.0 + 0.1 * spread[1] * (model in ("bicycle", "scooter")))
+            by_muscle = model in ("bicycle", "cargo_bike", "scooter")
+            top = TOP_SPEED.get(model, 60.0) * float(1.0 + 0.1 * spread[1] * by_muscle)
             heavy = body.length > 7.0
             share = float(1.0 + 0.06 * spread[0])
             driver = Driver(

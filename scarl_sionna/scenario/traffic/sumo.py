@@ -21,10 +21,9 @@ from scarl_sionna.scene.lanes import LaneNetwork
 from .planned import Conversion, PlannedActor
 from .recorded.fcd import Samples, planned_from_samples
 from .separation import without_collisions
-from .simulated import DEFAULT_MIX
+from .simulated import DEFAULT_MIX, TOP_SPEED
 from .sumo_network import SumoNetwork, write_sumo_network
 
-_TOP_SPEED = {"lorry": 25.0, "articulated_lorry": 25.0, "bus": 27.8, "bicycle": 6.0, "scooter": 6.0}
 _TOUCH = 0.1
 """Overlap of two boxes that may come from the smoothing of their motion [m]."""
 _OPTIONS = (
@@ -215,9 +214,9 @@ def _write_routes(
         values = {
             "id": model,
             "vClass": "bicycle"
-            if model == "bicycle"
+            if model in ("bicycle", "cargo_bike")
             else "truck"
-            if model in ("lorry", "articulated_lorry", "bus")
+            if model in ("lorry", "articulated_lorry", "bus", "coach")
             else "passenger",
             "length": f"{body.length:.3f}",
             "width": f"{body.width:.3f}",
@@ -228,7 +227,7 @@ def _write_routes(
             "emergencyDecel": "8.0",
             "sigma": "0.4",
             "tau": "1.2",
-            "maxSpeed": f"{_TOP_SPEED.get(model, 55.0):g}",
+            "maxSpeed": f"{TOP_SPEED.get(model, 55.0):g}",
             "speedFactor": "normc(1,0.06,0.85,1.15)",
         }
         ET.SubElement(root, "vType", values)
