@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -25,7 +24,7 @@ from scarl_sionna.engine.world import World, WorldState
 
 from .denoise import denoise
 from .develop import develop
-from .energy import GLINT, keep_energy, take_known
+from .energy import keep_energy
 from .falling import add_falling
 from .ray_sensor import launch_samples, ray_sensor
 from .shining import lamp_light
@@ -37,9 +36,6 @@ Mitsuba's 5 for 2 % more noise; 2 gains nothing more (docs/camera.md)."""
 
 GUIDE_SAMPLES = 8
 """Samples of the albedo and normal images that lead the denoiser."""
-
-_ROUNDED = 1e-5
-"""Share of a mean square that is rounding, not variance: sums of single precision."""
 
 MOST_RAYS = 1 << 24
 """Light paths of one launch; more samples are rendered in several, so that memory stays below 2 GB."""
@@ -96,39 +92,24 @@ def render_radiance(
     if not apart:
         return filtered
     filled = glows(state) | (traced.guides != 0.0).any(axis=-1, keepdims=True)  # elsewhere is sky, which shines itself
-    # in rooms most light comes over walls: pixels that no sample lit are everywhere, and so are glints
-    trusts = spec.samples_per_pixel > 1 and not state.world.is_indoors
-    known = take_known(filtered, image, traced.variance(spec)) if trusts else filtered
-    kept = np.where(filled, keep_energy(known, image, GLINT if trusts else None), traced.reflected)
+    kept = np.where(filled, keep_energy(filtered, image), traced.reflected)
     return np.asarray(kept + traced.shining, dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class _Traced:
-    """What is traced of an image: light without and with lamps in view apart, albedo and normals; rows are views.
-
-    `moments` are the mean and the mean square of a sample's luminance, of light paths and of what haze scatters.
-    """
+    """What is traced of an image: light without and with lamps in view apart, albedo and normals; rows are views."""
 
     reflected: npt.NDArray[np.float64]
     shining: npt.NDArray[np.float64]
     guides: npt.NDArray[np.float64]
-    moments: npt.NDArray[np.float64]
 
     @classmethod
     def black(cls, spec: CameraSpec) -> _Traced:
-        return cls(*(np.zeros((spec.height, spec.width, channels)) for channels in (3, 3, 6, 4)))
+        return cls(*(np.zeros((spec.height, spec.width, channels)) for channels in (3, 3, 6)))
 
     def rows(self, rows: slice) -> _Traced:
-        return _Traced(self.reflected[rows], self.shining[rows], self.guides[rows], self.moments[rows])
-
-    def variance(self, spec: CameraSpec) -> npt.NDArray[np.float64]:
-        """Return the variance of the luminance of each pixel, shape (height, width)."""
-        times = 1 if spec.exposure_time == 0.0 else spec.num_shutter_times
-        taken = times * -(-spec.samples_per_pixel // times)
-        mean, square = self.moments[..., ::2], self.moments[..., 1::2]
-        spread = np.maximum((1.0 - _ROUNDED) * square - mean * mean, 0.0).sum(axis=-1)
-        return np.asarray(spread / max(taken - 1, 1))
+        return _Traced(self.reflected[rows], self.shining[rows], self.guides[rows])
 
     def add(self, band: Band, sensor_twist: Twist, seed: int, apart: bool) -> None:
         """Add what a band sees, the mean over the instants of its exposure."""
@@ -138,14 +119,11 @@ class _Traced:
         guide_count = -(-min(GUIDE_SAMPLES, spec.samples_per_pixel) // len(moments))
         for number, (moment, pose) in enumerate(moments):
             view = _View(spec, pose, (seed + 7919 * number) % 2**32, count)
+            traced = _trace(moment, view)
             if apart:
-                traced, of_samples = _trace_with_moments(moment, view)
                 seen, sampled = _shining(moment, view, 1.0 / len(moments))
                 traced = np.maximum(traced - seen, 0.0)
                 self.shining[:] += sampled / len(moments)
-                self.moments[:] += of_samples / len(moments)
-            else:
-                traced = _trace(moment, view)
             self.reflected[:] += traced / len(moments)
             if spec.denoise:
                 self.guides[:] += _guides(moment, _View(spec, pose, seed, guide_count)) / len(moments)
@@ -179,38 +157,18 @@ class _View:
 
 def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     """Return the mean radiance over the view's light paths a pixel, float64, shape (height, width, 3)."""
-    scene = state.optical_scene()
+    scene, haze = state.optical_scene(), _haze(state)
     with variant.optical() as mi:
-        traced = [_launched(mi, scene, each, view, 3) for each in _integrators(mi, scene, state, view.spec)]
-    return np.asarray(sum(traced))
-
-
-def _trace_with_moments(state: WorldState, view: _View) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return what :func:`_trace` does, and the moments of its samples as :class:`_Traced` holds them."""
-    scene = state.optical_scene()
-    radiance = np.zeros((view.spec.height, view.spec.width, 3))
-    moments = np.zeros((view.spec.height, view.spec.width, 4))
-    with variant.optical() as mi:
-        for number, each in enumerate(_integrators(mi, scene, state, view.spec)):
-            squared = mi.load_dict({"type": "moment", "nested": each})  # RGB, XYZ, and the mean squares of XYZ
-            channels = _launched(mi, scene, squared, view, 9)
-            radiance += channels[..., :3]
-            moments[..., 2 * number : 2 * number + 2] = channels[..., [4, 7]]
-    return radiance, moments
-
-
-def _integrators(mi: ModuleType, scene: MitsubaObject, state: WorldState, spec: CameraSpec) -> Iterator[MitsubaObject]:
-    """Return what is traced and added up: light paths, and what haze scatters of lamps."""
-    haze, integrator = _haze(state), None
-    if has_lamps(state):
-        surfaces = _surfaces(state.world)
-        integrator = many_lamps_integrator(mi, scene, spec.max_depth, ROULETTE_DEPTH, surfaces)
-    integrator = integrator or mi.load_dict(integrator_dict(spec))
-    yield integrator if haze is None else haze_integrator(mi, integrator, haze)
-    if haze is not None and glows(state):
-        lamps = lamp_table(mi, scene)
-        if lamps is not None:
-            yield glow_integrator(mi, scene, lamps, haze)
+        integrator = None
+        if has_lamps(state):
+            integrator = many_lamps_integrator(mi, scene, view.spec.max_depth, ROULETTE_DEPTH, _surfaces(state.world))
+        integrator = integrator or mi.load_dict(integrator_dict(view.spec))
+        traced = _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
+        if haze is not None and glows(state):
+            lamps = lamp_table(mi, scene)
+            if lamps is not None:
+                traced += _launched(mi, scene, glow_integrator(mi, scene, lamps, haze), view, 3)
+        return traced
 
 
 _SURFACES: WeakKeyDictionary[World, ShiningSurfaces] = WeakKeyDictionary()
