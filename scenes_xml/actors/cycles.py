@@ -4,27 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from ..generators.geometry.mesh import Mesh
-from ..generators.people import clothing, pedestrian
-from ..generators.people.pedestrian import FOOT, LOWER_LEG, UPPER_LEG, BodyShape
-from ..generators.people.posture import Posture, head_frame, posed, set_at, torso_frame
+from ..generators.people import clothing
+from ..generators.people.posture import Posture, Rider
 from ..generators.vehicles.cycles import bicycle, cargo_bike, kick_scooter, motorcycle
 from ..generators.vehicles.cycles.bicycle import BicycleShape
 from ..generators.vehicles.cycles.cargo_bike import CargoBikeShape
 from ..generators.vehicles.cycles.kick_scooter import KickScooterShape
 from ..generators.vehicles.cycles.motorcycle import MotorcycleShape
 from ..generators.xml import Bsdf
+from .bodies.family import LICENSE, PLAIN, SOURCE, looks
+from .bodies.postures import packed_lengths
+from .bodies.riders import Wear, rider, tone
 from .materials import ROLES, VEHICLE, paint
 from .model import Color, Model, Part, bounds
-from .people import CREASE, bag, bare, cloth, hair, shoes, tinted
+from .people import CREASE, bag, shoes, tinted
 
-RIDER = BodyShape(1.75, 1.0, 1.0, arm_inset=0.014)
+CYCLIST, COURIER, COMMUTER, BIKER = "man_33", "man_33", "woman_28", "man_27"
+"""Who rides bicycle, cargo bike, scooter and motorcycle."""
 BODY: dict[str, Bsdf] = {
-    "top": cloth((0.55, 0.16, 0.02)),
-    "trousers": cloth((0.035, 0.045, 0.08), 0.45),
-    "shoes": shoes((0.03, 0.022, 0.018)),
-    "skin": bare((0.50, 0.31, 0.22)),
-    "hair": hair((0.045, 0.028, 0.018)),
+    **looks(
+        {"top": (0.55, 0.16, 0.02), "trousers": (0.035, 0.045, 0.08), "shoes": (0.03, 0.022, 0.018), **tone(CYCLIST)}
+    ),
+    "gloves": shoes((0.015, 0.015, 0.015)),
     "bag": bag((0.05, 0.06, 0.08)),
     "board": Bsdf(
         "principled",
@@ -61,11 +65,13 @@ BODY: dict[str, Bsdf] = {
     "paint": paint((0.02, 0.10, 0.28)),
 }
 LEGS = ("upper_leg", "lower_leg", "foot")
+MOVING_LEGS = tuple(f"{side}_{part}" for side in ("left", "right") for part in LEGS)
+Parts = dict[str, tuple[Mesh, str]]
 
 
 def _model(
     head: Mapping[str, object],
-    levels: Callable[[bool], dict[str, tuple[Mesh, str]]],
+    levels: Callable[[bool], Parts],
     variants: Mapping[str, Mapping[str, Color]],
     joints: list[Mapping[str, object]],
     moving: tuple[str, ...] = (),
@@ -82,7 +88,10 @@ def _model(
     )
     low, high = bounds(detailed, moving)
     length, width, height = (round(float(value), 2) for value in (high[0] - low[0], high[1] - low[1], high[2]))
-    return Model({**head, "length": length, "width": width, "height": height}, detailed, light, bsdfs, variants, joints)
+    rights = {"license": LICENSE, "source": SOURCE}
+    return Model(
+        {**head, "length": length, "width": width, "height": height, **rights}, detailed, light, bsdfs, variants, joints
+    )
 
 
 def _wheels(
@@ -100,31 +109,62 @@ def _wheels(
 
 
 BICYCLE = BicycleShape()
-PEDAL_FROM_ANKLE = (0.11, round(-0.25 * FOOT * RIDER.height - 0.011, 4))
-"""The ball of the foot stands on the pedal, 22 mm thick."""
-SEAT = Posture(hip=(-0.345, 0.0, 1.015), lean_deg=33.0, grip=BICYCLE.grip, gaze_deg=2.0, elbow=(-0.3, 0.45, -0.8))
+SEAT = Posture(
+    hip=(-0.345, 0.0, 1.015),
+    lean_deg=33.0,
+    grip=BICYCLE.grip,
+    foot=(-0.21, BICYCLE.foot_y, 0.36),
+    gaze_deg=2.0,
+    elbow=(-0.3, 0.45, -0.8),
+)
+"""Feet as in the middle of a turn: hips bend by it, the legs themselves pedal."""
+SLOTS = ("lips", "eyes", "iris", "hair")
+SEATED = Wear("shirt", ("hem",))
 
 
-def _cyclist(light: bool) -> dict[str, tuple[Mesh, str]]:
-    parts = _with_rider(bicycle.build(BICYCLE, light), light)
-    if not light:
-        parts["rider_backpack"] = (set_at(clothing.backpack(RIDER), *torso_frame(SEAT)), "bag")
+PEDAL_X = 0.11
+"""How far the pedal is before the ankle [m]."""
+
+
+def _pedal_from_ankle(name: str) -> tuple[float, float]:
+    """Return where the pedal is: the ball of the foot stands on it, 22 mm thick."""
+    return PEDAL_X, round(-0.25 * packed_lengths(name)["foot"] - 0.011, 4)
+
+
+def _person(who: Rider, light: bool, apart: tuple[str, ...] = ()) -> Parts:
+    """Return the shapes of a rider; legs that move have one shape for each segment, and shafts of shoes."""
+    found = who.shapes(apart, PLAIN if light else ())
+    own = {f"{segment}_{'shoes' if segment.endswith('foot') else 'trousers'}": segment for segment in apart}
+    shafts = {f"{side}_lower_leg_shoes" for side in ("left", "right")} if light else set()
+    parts = {own.get(name, name): part for name, part in found.items() if name not in shafts}
+    for foot in {"left_foot", "right_foot"} & set(apart):
+        mesh, slot = parts[foot]
+        ball = mesh.vertices[np.abs(mesh.vertices[:, 0] - PEDAL_X) < 0.06, 1]
+        parts[foot] = (mesh.moved((0.0, -0.5 * float(ball.min() + ball.max()), 0.0)), slot)  # in the pedal's middle
     return parts
 
 
-def _with_rider(cycle: Mapping[str, tuple[Mesh, str]], light: bool) -> dict[str, tuple[Mesh, str]]:
+def _cyclist(light: bool) -> Parts:
+    parts = _with_rider(bicycle.build(BICYCLE, light), light)
+    if not light:
+        who = rider(CYCLIST, SEAT, light, SEATED)
+        parts["rider_backpack"] = (who.hung(clothing.backpack(who.surface), "torso"), "bag")
+    return parts
+
+
+def _with_rider(cycle: Parts, light: bool) -> Parts:
     """Return the parts of a bicycle and of who rides it."""
-    parts = dict(cycle)
-    parts |= {f"rider_{name}": part for name, part in posed(RIDER, SEAT, light).items()}
-    loose = pedestrian.body(RIDER, light)
-    parts |= {f"{side}_{part}": loose[f"{side}_{part}"] for side in ("left", "right") for part in LEGS}
-    del parts["rider_head_hair"]
-    parts["rider_helmet"] = (set_at(clothing.bicycle_helmet(RIDER, light), *head_frame(RIDER, SEAT)), "helmet")
+    who = rider(CYCLIST, SEAT, light, SEATED)
+    parts = cycle | _person(who, light, MOVING_LEGS)
+    parts["rider_helmet"] = (
+        who.hung(clothing.bicycle_helmet(rider(CYCLIST, SEAT, False, SEATED).surface, light), "head"),
+        "helmet",
+    )
     return parts
 
 
 def cyclist() -> Model:
-    """Return a city bicycle of 28 inch wheels and a rider of 1.75 m who pedals 2.3 turns of the wheel at a time.
+    """Return a city bicycle of 28 inch wheels and a rider of 1.71 m who pedals 2.3 turns of the wheel at a time.
 
     5 m a turn.
     """
@@ -172,15 +212,16 @@ MOVING = ("cranks", *(f"{side}_{part}" for side in ("left", "right") for part in
 
 def _legs(shift: float = 0.0) -> Mapping[str, object]:
     """Return the joint of the rider's legs on a bicycle that stands `shift` behind the city bicycle [m]."""
+    lengths = packed_lengths(CYCLIST)
     return {
         "kind": "pedal",
         "axle": [round(BICYCLE.axle[0] - shift, 6), BICYCLE.axle[1]],
         "crank": BICYCLE.crank,
         "hip": [round(SEAT.hip[0] - shift, 6), SEAT.hip[2]],
         "foot_y": BICYCLE.foot_y,
-        "upper_leg": round(UPPER_LEG * RIDER.height, 6),
-        "lower_leg": round(LOWER_LEG * RIDER.height, 6),
-        "pedal_from_ankle": list(PEDAL_FROM_ANKLE),
+        "upper_leg": lengths["upper_leg"],
+        "lower_leg": lengths["lower_leg"],
+        "pedal_from_ankle": list(_pedal_from_ankle(CYCLIST)),
         "foot_pitch_deg": 14.0,
         "foot_swing_deg": 13.0,
         "foot_lag_deg": 190.0,
@@ -193,14 +234,14 @@ def _legs(shift: float = 0.0) -> Mapping[str, object]:
 CARGO_BIKE = CargoBikeShape()
 
 
-def _carrier(light: bool) -> dict[str, tuple[Mesh, str]]:
+def _carrier(light: bool) -> Parts:
     back = (-CARGO_BIKE.shift, 0.0, 0.0)
     parts = _with_rider(cargo_bike.build(CARGO_BIKE, light), light)
     return {name: (mesh if name in MOVING else mesh.moved(back), role) for name, (mesh, role) in parts.items()}
 
 
 def carrier() -> Model:
-    """Return a cargo bike with a box before a rider of 1.75 m, who pedals as the cyclist does."""
+    """Return a cargo bike with a box before a rider of 1.71 m, who pedals as the cyclist does."""
     rear, shift, radius = -BICYCLE.wheelbase / 2.0, CARGO_BIKE.shift, CARGO_BIKE.front_radius
     front = CARGO_BIKE.front_x - shift
     head = {
@@ -239,7 +280,7 @@ def carrier() -> Model:
 
 
 SCOOTER = KickScooterShape()
-_SOLE = SCOOTER.deck_top + 0.25 * FOOT * RIDER.height
+_SOLE = SCOOTER.deck_top + 0.25 * packed_lengths(COMMUTER)["foot"]
 UPRIGHT = Posture(
     hip=(-0.075, 0.0, 1.035),
     lean_deg=5.0,
@@ -248,25 +289,20 @@ UPRIGHT = Posture(
     other_foot=(-0.20, -0.045, _SOLE),
     gaze_deg=4.0,
     toe_out_deg=8.0,
-    hip_width=0.07,
     elbow=(-0.5, 0.4, -0.7),
 )
 
 
-def _scooter_rider(light: bool) -> dict[str, tuple[Mesh, str]]:
-    parts = dict(kick_scooter.build(SCOOTER, light))
-    parts |= {f"rider_{name}": part for name, part in posed(RIDER, UPRIGHT, light).items()}
-    parts["rider_jacket"] = (clothing.jacket_hem(RIDER, light).moved(UPRIGHT.hip), "top")
-    if light:
-        del parts["rider_pelvis"], parts["rider_head_hair"]
-    else:
-        parts["rider_collar"] = (set_at(clothing.collar(RIDER), *torso_frame(UPRIGHT)), "top")
-        parts["rider_backpack"] = (set_at(clothing.backpack(RIDER), *torso_frame(UPRIGHT)), "bag")
+def _scooter_rider(light: bool) -> Parts:
+    who = rider(COMMUTER, UPRIGHT, light)
+    parts = kick_scooter.build(SCOOTER, light) | _person(who, light)
+    if not light:
+        parts["rider_backpack"] = (who.hung(clothing.backpack(who.surface), "torso"), "bag")
     return parts
 
 
 def scooter() -> Model:
-    """Return an electric kick scooter with a rider of 1.75 m who stands on it."""
+    """Return an electric kick scooter with a rider of 1.72 m who stands on it."""
     half, radius = SCOOTER.wheelbase / 2.0, SCOOTER.wheel_radius
     head = {
         "name": "scooter",
@@ -300,30 +336,31 @@ def scooter() -> Model:
 
 
 MOTORCYCLE = MotorcycleShape()
-BIKER = BodyShape(1.78, 1.08, 1.0, arm_inset=0.012)
+RIDING_JACKET = Wear("jacket", ("hem",), True)
 ASTRIDE = Posture(
     hip=(-0.27, 0.0, 0.925),
     lean_deg=20.0,
     grip=MOTORCYCLE.grip,
-    foot=(MOTORCYCLE.peg[0] - 0.11, MOTORCYCLE.peg[1], MOTORCYCLE.peg[2] + 0.075),
+    foot=(
+        MOTORCYCLE.peg[0] - 0.11,
+        MOTORCYCLE.peg[1],
+        MOTORCYCLE.peg[2] + 0.014 + 0.25 * packed_lengths(BIKER)["foot"],
+    ),
     gaze_deg=2.0,
     toe_out_deg=4.0,
     foot_pitch_deg=6.0,
-    hip_width=0.10,
     elbow=(-0.3, 0.6, -0.6),
     knee=(1.0, 0.25, 0.4),
 )
 
 
-def _biker(light: bool) -> dict[str, tuple[Mesh, str]]:
-    parts = dict(motorcycle.build(MOTORCYCLE, light))
-    parts |= {f"rider_{name}": part for name, part in posed(BIKER, ASTRIDE, light).items()}
-    shell, visor = (set_at(part, *head_frame(BIKER, ASTRIDE)) for part in clothing.motorcycle_helmet(BIKER, light))
-    parts |= {"rider_helmet": (shell, "helmet"), "rider_visor": (visor, "visor")}
-    del parts["rider_head"], parts["rider_head_hair"]  # inside the helmet
-    for side in () if light else ("left", "right"):
-        parts[f"rider_{side}_glove"] = (parts.pop(f"rider_{side}_lower_arm_hand")[0], "shoes")
-    return parts
+def _biker(light: bool) -> Parts:
+    detailed, who = (rider(BIKER, ASTRIDE, level, RIDING_JACKET) for level in (False, light))
+    inside = {f"rider_{slot}" for slot in SLOTS}
+    worn = {name: part for name, part in _person(who, light).items() if name not in inside}
+    shell, visor = (who.hung(part, "head") for part in clothing.motorcycle_helmet(detailed.surface, light))
+    helmet = {"rider_helmet": (shell, "helmet"), "rider_visor": (visor, "visor")}
+    return motorcycle.build(MOTORCYCLE, light) | worn | helmet
 
 
 def biker() -> Model:

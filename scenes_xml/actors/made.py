@@ -12,11 +12,12 @@ NAMES = ("articulated_lorry", "box_van", "bus", "cargo_bike", "coach", "lorry", 
 @lru_cache(maxsize=1)
 def key() -> str:
     """Return a hash of all that shapes a model."""
-    digest = hashlib.sha256()
     here = Path(__file__).resolve().parent
+    digest = hashlib.sha256((here / "bodies" / "files.xz").read_bytes())
     generators = here.parent / "generators"
     rooms = (
         here,
+        here / "bodies",
         generators,
         *(generators / room for room in ("geometry", "people", "vehicles", "vehicles/cars", "vehicles/cycles")),
     )

@@ -7,7 +7,7 @@ other, so that no gap opens as limbs turn.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -146,6 +146,49 @@ def dressed(surface: Surface, worn: Outfit, plain: Sequence[str] = ()) -> dict[s
         Names are a segment's with the slot behind. Slots: ``skin``, ``lips``, ``eyes``, ``iris``, ``hair`` and those of
         the layers.
     """
+    parts: dict[str, tuple[Mesh, str]] = {}
+    for cover in covers(surface, worn, plain):
+        for segment, mesh in segmented(surface, cover, tuple(surface.weights)).items():
+            parts[f"{segment}_{cover.slot}"] = (mesh.moved(-surface.origins[segment]), cover.slot)
+    return parts
+
+
+def segmented(surface: Surface, cover: Cover, segments: Sequence[str]) -> dict[str, Mesh]:
+    """Return the shares of segments in a cover, where the cover has them."""
+    owners = _owners(surface)
+    shares = {name: _segment(surface, cover, owners == name, name, surface.weights[name]) for name in segments}
+    return {name: mesh for name, mesh in shares.items() if mesh is not None}
+
+
+def remainder(surface: Surface, cover: Cover, apart: Sequence[str]) -> Mesh | None:
+    """Return all of a cover but the segments in `apart`, below which it goes on; None if nothing is left."""
+    is_own = ~np.isin(_owners(surface), apart)
+    weight = 1.0 - sum((surface.weights[segment] for segment in apart), np.zeros(len(surface.points)))
+    return _segment(surface, cover, is_own, "", weight)
+
+
+@dataclass(frozen=True)
+class Cover:
+    """All of a body that has one slot.
+
+    Attributes
+    ----------
+    slot : str
+    is_own : ndarray of bool, shape (num_faces,)
+        Which faces of the surface it has.
+    points, outward, normals : ndarray, shape (num_vertices, 3)
+        Where all vertices are [m], unit normals of the body, and those of the cover.
+    """
+
+    slot: str
+    is_own: npt.NDArray[np.bool_]
+    points: Array
+    outward: Array
+    normals: Array
+
+
+def covers(surface: Surface, worn: Outfit, plain: Sequence[str] = ()) -> list[Cover]:
+    """Return skin, hair and clothes of a body at rest; arguments as of `dressed`."""
     slots = _slots(surface, worn)
     slots[np.isin(slots, plain)] = "skin"
     solid = ~np.isin(surface.regions, _SHEETS)
@@ -154,9 +197,8 @@ def dressed(surface: Surface, worn: Outfit, plain: Sequence[str] = ()) -> dict[s
     of_sheet = np.zeros(len(surface.points), bool)
     of_sheet[surface.faces[~solid]] = True
     normals[of_sheet] = sheets[of_sheet]
-    owners = _owners(surface)
     thickness = {layer.slot: layer.thickness for layer in worn.layers}
-    parts: dict[str, tuple[Mesh, str]] = {}
+    found = []
     for slot in dict.fromkeys(slots[slots != ""].tolist()):
         chosen = slots == slot
         points = surface.points + normals * (thickness.get(slot, 0.0) * surface.scale)
@@ -170,14 +212,8 @@ def dressed(surface: Surface, worn: Outfit, plain: Sequence[str] = ()) -> dict[s
             points = _trouser_legs(surface, normals, points)
         if slot in ("skin", "trousers"):
             points = _under_hems(surface, worn, points)
-        seen = vertex_normals(points, surface.faces[chosen])
-        for segment in surface.weights:
-            mesh = _segment(surface, points, normals, seen, chosen, owners == segment, segment)
-            if mesh is not None and slot == "shoes":
-                mesh = replace(mesh, normals=None)
-            if mesh is not None:
-                parts[f"{segment}_{slot}"] = (mesh, slot)
-    return parts
+        found.append(Cover(slot, chosen, points, normals, vertex_normals(points, surface.faces[chosen])))
+    return found
 
 
 def _slots(surface: Surface, worn: Outfit) -> npt.NDArray[np.str_]:
@@ -265,17 +301,9 @@ def _owners(surface: Surface) -> npt.NDArray[np.str_]:
     return names[shares.argmax(axis=0)]  # type: ignore[no-any-return]
 
 
-def _segment(
-    surface: Surface,
-    points: Array,
-    normals: Array,
-    seen: Array,
-    chosen: npt.NDArray[np.bool_],
-    is_own: npt.NDArray[np.bool_],
-    segment: str,
-) -> Mesh | None:
-    """Return a segment's share of the chosen faces in its frame, or None where it has none."""
-    weight = surface.weights[segment]
+def _segment(surface: Surface, cover: Cover, is_own: npt.NDArray[np.bool_], segment: str, weight: Array) -> Mesh | None:
+    """Return a segment's share of a cover at rest, or None where it has none."""
+    chosen = cover.is_own
     kept = chosen & (is_own | (weight[surface.faces].min(axis=1) > _HIDDEN))
     if segment.endswith("foot"):
         kept &= surface.regions == "foot"
@@ -283,5 +311,6 @@ def _segment(
         return None
     depth = np.clip(0.5 - weight, 0.0, 0.5) * _DEPTH * surface.scale
     used, faces = np.unique(surface.faces[kept], return_inverse=True)
-    inside = points[used] - normals[used] * depth[used, None]
-    return Mesh(inside - surface.origins[segment], faces.reshape(-1, 3).astype(np.int64), normals=seen[used])
+    inside = cover.points[used] - cover.outward[used] * depth[used, None]
+    normals = None if cover.slot == "shoes" else cover.normals[used]
+    return Mesh(inside, faces.reshape(-1, 3).astype(np.int64), normals=normals)
