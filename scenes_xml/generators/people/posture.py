@@ -17,6 +17,8 @@ KNUCKLES = 0.012
 """From the middle of the hand to where the fingers begin to close [m]."""
 GRASP = 0.033
 """Radius at which the middle of the fingers goes about a grip [m]."""
+BAR = 0.019
+"""Least distance of skin from the middle of a grip [m]."""
 CLOSED = 2.7
 """How far the fingers go about it [rad]."""
 Point = tuple[float, float, float]
@@ -125,6 +127,7 @@ def _closed(points: Array, arm: _Arm) -> Array:
     """Return the points of a hand whose fingers go about what it holds, shape (num_points, 3)."""
     away = points - arm.held
     along, thumb, palm = (away @ way for way in (arm.along, arm.thumb, arm.palm))
+    palm = np.where((along > 0.0) & (palm > -BAR), -BAR, palm)  # fingers that hang bent already
     angle = np.clip(along / GRASP, 0.0, CLOSED)
     past = np.maximum(along - CLOSED * GRASP, 0.0)
     beyond = along > 0.0
@@ -134,7 +137,11 @@ def _closed(points: Array, arm: _Arm) -> Array:
         + np.outer(thumb, arm.thumb)
         + np.outer(palm * np.cos(angle) + past * np.sin(angle), arm.palm)
     )
-    return np.where(beyond[:, None], moved, points)
+    moved = np.where(beyond[:, None], moved, points) - arm.held
+    across = moved - np.outer(moved @ arm.thumb, arm.thumb)
+    reach = np.linalg.norm(across, axis=1)
+    out = np.maximum(BAR / np.maximum(reach, 1e-6), 1.0) - 1.0
+    return arm.held + moved + across * out[:, None]  # type: ignore[no-any-return]
 
 
 def _basis(first: Array, second: Array) -> Array:
