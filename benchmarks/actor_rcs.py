@@ -2,7 +2,8 @@
 
 Percentiles over azimuth, and CPU time.
 
-python benchmarks/actor_rcs.py [--aspects 36] [--only saloon bus] [--table docs/figures/data/actor_rcs.json]
+python benchmarks/actor_rcs.py [--aspects 36] [--only saloon bus] [--levels light]
+    [--table docs/figures/data/actor_rcs.json]
 
 Azimuths are spread over the whole turn, one at a random place of each of as many equal sectors, the same ones at both
 levels. The elevation is that of a radar at 0.6 m that looks at a middle 0.3 m higher from 30 m. Settings are those of
@@ -70,11 +71,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--aspects", type=int, default=36)
     parser.add_argument("--only", nargs="*", default=list(VEHICLES))
+    parser.add_argument("--levels", nargs="*", default=["detailed", "light"], choices=["detailed", "light"])
     parser.add_argument("--table", type=Path, default=None)
     arguments = parser.parse_args()
     rows = []
     for name in arguments.only:
-        for detail in ("detailed", "light"):
+        for detail in arguments.levels:
             rows.append(measure(name, detail, arguments.aspects))
             print(rows[-1], flush=True)
     if arguments.table is not None:
