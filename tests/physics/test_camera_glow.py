@@ -124,7 +124,7 @@ def test_a_glow_around_a_lamp_is_the_integral_along_each_ray(tmp_path: Path) -> 
 
 def test_beams_of_headlamps_are_the_integral_along_each_ray(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The own beam, from below the camera: the veil that it lays over the image. The lens itself is left out."""
-    thing = Thing("beam", box((0.02, 0.2, 0.1), (1.0, 0.6, 0.7)), "Car", "lens")
+    thing = Thing("beam", box((0.02, 0.2, 0.1), (1.0, 0.6, 0.7)), "Static", "lens")
     state = lit(tmp_path, [thing], "headlamp")
     with variant.optical() as mi:
         table = lamp_table(mi, state.optical_scene())

@@ -35,7 +35,7 @@ def world(
     across = np.array([normal, 0.0, np.sqrt(1.0 - normal**2)])
     things = [
         Thing("sign", plane(3.0, 3.0, SIGN.tolist(), across.tolist()), "TrafficSign", "sheet"),
-        *(Thing(f"lamp{y}", box((0.02, 0.1, 0.1), (-1.0, y * 0.6, 0.7)), "Car", "head") for y in (-1, 1)),
+        *(Thing(f"lamp{y}", box((0.02, 0.1, 0.1), (-1.0, y * 0.6, 0.7)), "Static", "head") for y in (-1, 1)),
         *(
             Thing(f"post{k}", plane(0.5, 0.3, (18.0 + 0.8 * k, 6.0 - k, 7.0), (0.0, 0.0, -1.0)), "Pole", "lens")
             for k in range(street_lamps)
