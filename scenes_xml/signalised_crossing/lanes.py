@@ -9,6 +9,8 @@ from ..generators.scene_toml import Lane
 from . import layout as at
 
 LIMIT, TURNING = 13.9, 5.0
+ROUND_THE_KERB = 1.42
+"""`reach` of turns to the right: 1.27 m from the kerb or more in variants 0 to 39, half a bus; radii from 6.1 m on."""
 
 
 def _flat(points: Array, z: float = 0.0) -> Array:
@@ -54,7 +56,7 @@ def lanes(plan: at.Layout) -> list[Lane]:
             middle = (
                 _line(tuple(line[-1]), tuple(out[0]))
                 if turn == "ahead"
-                else at.bend(line[-1], np.radians(heading), out[0], away)
+                else at.bend(line[-1], np.radians(heading), out[0], away, ROUND_THE_KERB if turn == "right" else 1.15)
             )
             opposite = names[(names.index(arm) + 2) % 4]
             first = tuple(f"{opposite}_{n}_ahead" for n in range(len(offsets(is_main)))) if turn == "left" else ()

@@ -151,13 +151,13 @@ def turned(points: Array, heading_deg: float) -> Array:
     return np.asarray(points, float) @ np.array([[c, s], [-s, c]])
 
 
-def bend(a: Array, heading_a: float, b: Array, heading_b: float, step: float = 0.8) -> Array:
+def bend(a: Array, heading_a: float, b: Array, heading_b: float, reach: float = 1.15, step: float = 0.8) -> Array:
     """Return a smooth way, shape (n, 2), from a to b with the given headings [rad].
 
-    Quintic, level curvature at both ends.
+    Quintic, level curvature at both ends; the larger `reach`, the less it cuts the corner and the sharper it turns.
     """
     span = float(np.linalg.norm(b - a))
-    scale = 1.15 * span
+    scale = reach * span
     da, db = (
         scale * np.array([np.cos(heading_a), np.sin(heading_a)]),
         scale * np.array([np.cos(heading_b), np.sin(heading_b)]),

@@ -7,14 +7,17 @@ import pytest
 
 from scarl_sionna.core.errors import OutsideSceneError, ParameterRangeError, ScenarioValueError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.world import World
 from scarl_sionna.scenario.checks.motion import check_ground, contacts, ground_heights
 from scarl_sionna.scenario.compose import build_world, compose
 from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scenario.motion.ground import GroundLine
+from scarl_sionna.scenario.motion.paths import SmoothPath
 from scarl_sionna.scenario.motion.routes import timed_trajectory
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, is_present
+from scenes_xml import scene_names
 
 CONTACT = 0.01
 """Distance of a wheel from the ground below it that is allowed [m]."""
@@ -23,6 +26,8 @@ BANKED = {"oncoming_overtaker": 0.035}
 PATCH = 0.005
 """Rays this far to both sides of the middle of a wheel: one alone may fall through the joint of two meshes [m]."""
 HALF_TRACK, BASE = 0.72, 2.7  # of the default body [m]
+HALF_BUS = 1.15
+"""From the middle of a bus's or lorry's axle to the outside of its tyres [m]."""
 CAR = ActorBody()
 
 
@@ -62,6 +67,24 @@ def test_a_car_that_backs_out_of_a_drive_stands_on_its_wheels(drive) -> None:
 def test_wheels_of_all_scenarios_stand_on_the_ground(name) -> None:
     off = wheels_off(build_world(ScenarioSpec.preset(name)), name, 0.01)
     assert max(off.values()) < BANKED.get(name, CONTACT), off
+
+
+@pytest.mark.some(3)
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", scene_names())
+def test_rear_wheels_of_all_that_drives_find_room_beside_the_middle_of_lanes(scene) -> None:
+    world = load_scene(scene, detail="light")
+    network = world.document.lanes
+    for lane in () if network is None else network.lanes:
+        if lane.kind != "drive":
+            continue
+        way = np.linspace(0.5, lane.length - 0.5, max(int(2.0 * lane.length), 2))
+        line = SmoothPath(lane.points).at(way)
+        ahead = np.gradient(line[:, :2], way, axis=0)
+        left = np.column_stack([-ahead[:, 1], ahead[:, 0]]) / np.linalg.norm(ahead, axis=1, keepdims=True)
+        for side in (-HALF_BUS, HALF_BUS):
+            off = np.abs(ground_heights(world, line + np.pad(side * left, ((0, 0), (0, 1)))) - line[:, 2])
+            assert off.max() < 0.05, (lane.name, line[off.argmax()].round(1), off.max())  # a road falls by 2.5 %
 
 
 def test_a_wheel_in_a_kerb_is_no_place() -> None:
