@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -103,4 +103,11 @@ def motorcycle_helmet(surface: Surface, light: bool = False) -> tuple[Mesh, Mesh
     bow = _around(low, np.array([0.086, radii[1] - 0.016, 0.060]), -1.0, 3 if light else rows // 2, segments)
     glass = np.array([front - 0.085, 0.0, skull.middle[2] - 0.022])
     visor = _around(glass, np.array([0.097, radii[1] - 0.010, 0.052]), -1.0, 4 if light else rows - 4, segments)
-    return merge([shell, bow]), visor
+    outside = [_outside(part, middle, 0.94 * radii) for part in (bow, visor)]
+    return merge([shell, outside[0]]), outside[1]
+
+
+def _outside(mesh: Mesh, centre: Array, radii: Array) -> Mesh:
+    """Return a mesh without the faces that are wholly inside an ellipsoid."""
+    out = np.linalg.norm((mesh.vertices - centre) / radii, axis=1) > 1.0
+    return replace(mesh, faces=mesh.faces[out[mesh.faces].any(axis=1)])

@@ -97,18 +97,24 @@ def spokes(hub: float, rim: float, flange: float, number: int, thickness: float)
 
 def wheel(shape: BicycleShape, light: bool) -> tuple[Mesh, Mesh]:
     """Return tyre and rim (with hub and spokes) of a wheel about the origin."""
-    around = 16 if light else 40
+    around = (12 if shape.wheel_radius < 0.3 else 16) if light else 40
     middle = shape.wheel_radius - shape.tyre
     tyre = ring(middle, shape.tyre, shape.tyre, around, 3 if light else 8)
-    rim = ring(middle - 0.020, 0.008, 0.012, 14 if light else around, 3 if light else 6)
-    hub = tube(np.array([[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]), 0.017, 4 if light else 12)
+    rim = ring(middle - 0.020, 0.008, 0.012, min(around, 14) if light else around, 3 if light else 6)
+    hub = bar(np.array([[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]), 0.017, 4 if light else 12)
     wires = spokes(0.026, middle - 0.022, 0.032, 8 if light else 24, 0.0015 if light else 0.001)
     flanges = [] if light else [disc(0.03, 0.003, 14).moved((0.0, y, 0.0)) for y in (-0.032, 0.032)]
     return tyre, merge([rim, hub, wires, *flanges])
 
 
+def bar(path: Array, radius: float | Array, segments: int) -> Mesh:
+    """Return a `tube`; one of the light level, of 3 or 4 sides, without end faces: other bars hide them."""
+    whole = tube(path, radius, segments)
+    return whole if segments > 4 else without_ends(whole, segments)
+
+
 def _line(*points: Array, radius: float, segments: int) -> Mesh:
-    return tube(np.array(points), radius, segments)
+    return bar(np.array(points), radius, segments)
 
 
 def frame(shape: BicycleShape, segments: int) -> Mesh:
@@ -137,7 +143,7 @@ def _fork(shape: BicycleShape, segments: int) -> Mesh:
     for side in (-1.0, 1.0):
         out = np.array([0.0, side * 0.052, 0.0])
         way = [crown + 0.3 * out, crown + out - [0.0, 0.0, 0.02], shape.steering(0.16) + out, shape.front + out]
-        tubes.append(tube(np.array(way), np.array([0.014, 0.013, 0.011, 0.008]), segments))
+        tubes.append(bar(np.array(way), np.array([0.014, 0.013, 0.011, 0.008]), segments))
     return merge(tubes)
 
 
@@ -149,14 +155,15 @@ def _handlebar(shape: BicycleShape, segments: int) -> tuple[Mesh, Mesh]:
     if segments < 6:
         half = [half[0], half[2], half[3]]
     way = [*half, *[(a, -b, c) for a, b, c in half[::-1]]]
-    bar = merge([tube(np.array(way), 0.0115, segments), _line(stem, clamp, radius=0.015, segments=segments)])
+    thin = 3 if segments == 4 else segments
+    handlebar = merge([bar(np.array(way), 0.0115, segments), _line(stem, clamp, radius=0.015, segments=thin)])
     grips = merge(
         [
             tube(np.array([(x - 0.013, s * (y + 0.068), z), (x - 0.003, s * (y - 0.055), z)]), 0.017, segments)
             for s in (-1.0, 1.0)
         ]
     )
-    return bar, grips
+    return handlebar, grips
 
 
 def saddle(shape: BicycleShape, segments: int) -> Mesh:
@@ -218,7 +225,7 @@ def _chain(shape: BicycleShape) -> Mesh:
 def cranks(shape: BicycleShape, light: bool) -> Mesh:
     """Return both cranks, their axle and the chainring, in the frame that turns with them."""
     segments = 4 if light else 10
-    axle = tube(np.array([[0.0, -0.066, 0.0], [0.0, 0.066, 0.0]]), 0.011, segments)
+    axle = bar(np.array([[0.0, -0.066, 0.0], [0.0, 0.066, 0.0]]), 0.011, segments)
     arms = [
         tube(np.array([[0.0, s * 0.062, 0.0], [s * shape.crank, s * 0.074, 0.0]]), np.array([0.015, 0.011]), segments)
         for s in (1.0, -1.0)
@@ -252,17 +259,18 @@ def build(shape: BicycleShape, light: bool = False) -> Parts:
     ``left_pedal`` and ``right_pedal`` are in their own frames.
     """
     segments = 4 if light else 10
-    bar, grips = _handlebar(shape, segments)
+    handlebar, grips = _handlebar(shape, segments)
     post = _line(
         shape.seat_tube(0.48),
         np.array([shape.saddle[0] + 0.02, 0.0, shape.saddle[1] - 0.04]),
         radius=0.0135,
         segments=segments,
     )
-    holder = _line(shape.steering(0.49), shape.steering(0.49) + [0.06, 0.0, 0.0], radius=0.008, segments=segments)
+    lamp = shape.steering(0.49) + [0.066, 0.0, 0.0]
+    holder = _line(shape.steering(0.49), lamp - [0.006, 0.0, 0.0], radius=0.008, segments=3 if light else segments)
     parts: Parts = {
         "frame": (merge([frame(shape, segments), _fork(shape, segments)]), "paint"),
-        "handlebar": (merge([bar, post, holder]), "chrome"),
+        "handlebar": (merge([handlebar, post, holder]), "chrome"),
         "saddle": (merge([saddle(shape, segments), grips]), "trim"),
         "cranks": (cranks(shape, light), "chrome"),
         "left_pedal": (pedal(shape, 1.0, light), "trim"),
@@ -271,8 +279,9 @@ def build(shape: BicycleShape, light: bool = False) -> Parts:
     for name, place in (("front", shape.front), ("rear", shape.rear)):
         tyre, rim = (part.moved(place) for part in wheel(shape, light))
         parts |= {f"wheel_{name}_tyre": (tyre, "tyre"), f"wheel_{name}_rim": (rim, "rim")}
-    lamp = shape.steering(0.49) + [0.066, 0.0, 0.0]
     rear = (shape.rear[0] - 0.137, 0.0, 2.0 * shape.wheel_radius + 0.045)
+    if light:  # no rack: below the saddle
+        rear = tuple(shape.seat_tube(0.54) - [0.022, 0.0, 0.0])
     glass = (
         box((0.05, 0.056, 0.056), lamp)
         if light

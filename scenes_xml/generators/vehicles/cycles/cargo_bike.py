@@ -11,7 +11,7 @@ import numpy as np
 
 from ...geometry.mesh import Mesh, box, merge, tube
 from . import bicycle
-from .bicycle import BicycleShape, Parts
+from .bicycle import BicycleShape, Parts, bar
 
 
 @dataclass(frozen=True)
@@ -53,16 +53,19 @@ def _beam(shape: CargoBikeShape, segments: int) -> Mesh:
     head = np.array([shape.box_x[1] + 0.05, 0.0, 0.66])
     foot = np.array([shape.box_x[1] + 0.09, 0.0, 0.52])
     way = np.array([low, [low[0] + 0.02, 0.0, 0.30], [0.46, 0.0, 0.24], [shape.box_x[1] - 0.05, 0.0, 0.24], foot])
-    tubes = [tube(way, 0.024, segments), tube(np.array([foot, head]), 0.021, segments)]
+    light = segments == 4
+    thin = 3 if light else segments
+    tubes = [bar(way, 0.024, thin), tube(np.array([foot, head]), 0.021, thin)]
     bracket = rear.seat_tube(0.0)
-    tubes.append(tube(np.array([bracket, [0.30, 0.0, 0.255]]), 0.02, segments))
-    tubes += [box((0.04, 0.5, 0.03), (at, 0.0, shape.box_z[0] - 0.015)) for at in (0.50, 0.95)]
+    tubes.append(bar(np.array([bracket, [0.30, 0.0, 0.255]]), 0.02, thin))
+    if not light:
+        tubes += [box((0.04, 0.5, 0.03), (at, 0.0, shape.box_z[0] - 0.015)) for at in (0.50, 0.95)]
     for side in (1.0, -1.0):
         out = np.array([0.0, side * 0.055, 0.0])
         crown = foot + [0.03, 0.0, -0.01]
-        tubes.append(tube(np.array([crown + 0.3 * out, crown + out, [x, out[1], radius]]), 0.011, segments))
+        tubes.append(bar(np.array([crown + 0.3 * out, crown + out, [x, out[1], radius]]), 0.011, thin))
     rod = [[low[0] + 0.03, 0.05, 0.33], [0.46, 0.05, 0.205], [foot[0] + 0.08, 0.07, 0.42]]
-    tubes.append(tube(np.array(rod), 0.007, min(segments, 5)))
+    tubes.append(bar(np.array(rod), 0.007, min(thin, 5)))
     return merge(tubes)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...geometry.mesh import Array, Mesh, box, extrude, merge, tube
 from ...people.pedestrian import ellipsoid, loft
-from .bicycle import Parts, disc, light_disc, mudguard, ring, without_ends
+from .bicycle import Parts, bar, light_disc, mudguard, ring, without_ends
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class MotorcycleShape:
 def _wheel(shape: MotorcycleShape, half: float, light: bool) -> tuple[Mesh, Mesh]:
     if light:
         return _light_wheel(shape, half)
-    around = 40
-    tyre = ring(shape.wheel_radius - 0.055, 0.055, half, around, 11)
+    around = 36
+    tyre = ring(shape.wheel_radius - 0.055, 0.055, half, around, 10)
     middle = shape.wheel_radius - 0.105
     rim = ring(middle, 0.012, 0.8 * half, around, 6)
     hub = tube(np.array([[0.0, -half - 0.02, 0.0], [0.0, half + 0.02, 0.0]]), 0.035, 14)
@@ -35,8 +35,8 @@ def _wheel(shape: MotorcycleShape, half: float, light: bool) -> tuple[Mesh, Mesh
     for turn in 2.0 * np.pi * np.arange(5) / 5.0:
         for side in (-0.35, 0.35):
             end = np.array([middle * np.cos(turn + 0.25 * side), 0.0, middle * np.sin(turn + 0.25 * side)])
-            arms.append(tube(np.array([[0.0, side * half, 0.0], end]), 0.011, 6))
-    brake = [disc(0.145, 0.006, around).moved((0.0, s * (half + 0.012), 0.0)) for s in (-1.0, 1.0)]
+            arms.append(without_ends(tube(np.array([[0.0, side * half, 0.0], end]), 0.011, 6), 6))
+    brake = [light_disc(0.145, 0.006, around).moved((0.0, s * (half + 0.012), 0.0)) for s in (-1.0, 1.0)]
     return tyre, merge([rim, hub, *arms, *brake])
 
 
@@ -81,7 +81,7 @@ def _engine(light: bool) -> Mesh:
         box((0.17, 0.30, 0.030 if not light else 0.22), (0.15, 0.0, 0.47 + 0.045 * k if not light else 0.56))
         for k in range(1 if light else 6)
     ]
-    covers = [] if light else [disc(0.105, 0.05, 20).moved((-0.02, s * 0.175, 0.34)) for s in (-1.0, 1.0)]
+    covers = [] if light else [light_disc(0.105, 0.05, 20).moved((-0.02, s * 0.175, 0.34)) for s in (-1.0, 1.0)]
     return merge([block, *cylinders, *covers])
 
 
@@ -108,14 +108,14 @@ def _steel(shape: MotorcycleShape, segments: int) -> Mesh:
     tubes = []
     for side in (-1.0, 1.0):
         tubes.append(
-            tube(
+            bar(
                 np.array([[0.50, side * 0.03, 0.86], [0.30, side * 0.12, 0.68], [-0.20, side * 0.13, 0.50]]),
                 0.026,
                 segments,
             )
         )
-        tubes.append(tube(np.array([[-0.18, side * 0.13, 0.42], [-half, side * 0.13, radius]]), 0.026, segments))
-        tubes.append(tube(np.array([[-0.16, side * 0.10, 0.60], [-0.70, side * 0.08, 0.78]]), 0.014, segments))
+        tubes.append(bar(np.array([[-0.18, side * 0.13, 0.42], [-half, side * 0.13, radius]]), 0.026, segments))
+        tubes.append(bar(np.array([[-0.16, side * 0.10, 0.60], [-0.70, side * 0.08, 0.78]]), 0.014, segments))
         if segments < 6:
             continue  # the stays of the pegs
         tubes.append(
@@ -125,7 +125,7 @@ def _steel(shape: MotorcycleShape, segments: int) -> Mesh:
                 segments,
             )
         )
-    tubes.append(tube(np.array([[-0.22, 0.0, 0.62], [-0.36, 0.0, 0.40]]), 0.04, segments))
+    tubes.append(bar(np.array([[-0.22, 0.0, 0.62], [-0.36, 0.0, 0.40]]), 0.04, segments))
     return merge(tubes)
 
 
@@ -188,7 +188,7 @@ def build(shape: MotorcycleShape, light: bool = False) -> Parts:
         for s in (-1.0, 1.0)
     ]
     guard = mudguard(np.array([half, 0.0, radius]), radius + 0.03, 35.0, 150.0, 0.065, 4 if light else 14)
-    lamp = ellipsoid((0.565, 0.0, 0.86), (0.075, 0.10, 0.10), rows=3 if light else 12, segments=6 if light else 22)
+    lamp = ellipsoid((0.565, 0.0, 0.86), (0.075, 0.10, 0.10), rows=3 if light else 10, segments=6 if light else 18)
     parts: Parts = {
         "bodywork": (merge([_tank(light), tail, guard]), "paint"),
         "engine": (_engine(light), "underbody_steel"),
@@ -221,11 +221,11 @@ def build(shape: MotorcycleShape, light: bool = False) -> Parts:
             for s in (-1.0, 1.0)
         ]
         mirrors = [
-            ellipsoid((x + 0.02, s * (y + 0.07), z + 0.17), (0.018, 0.065, 0.042), rows=8, segments=14)
+            ellipsoid((x + 0.02, s * (y + 0.07), z + 0.17), (0.018, 0.065, 0.042), rows=6, segments=12)
             for s in (-1.0, 1.0)
         ]
         blinkers = [
-            ellipsoid((bx, s * by, bz), (0.03, 0.028, 0.022), rows=6, segments=10)
+            ellipsoid((bx, s * by, bz), (0.03, 0.028, 0.022), rows=5, segments=8)
             for s in (-1.0, 1.0)
             for bx, by, bz in ((0.55, 0.19, 0.83), (-0.80, 0.16, 0.70))
         ]
