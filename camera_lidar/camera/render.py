@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
-from scarl_sionna.engine.light.glow import glow_integrator
+from scarl_sionna.engine.light.glow import glow_integrator, glowing
 from scarl_sionna.engine.light.haze import Haze, haze_integrator
 from scarl_sionna.engine.light.many_lamps import ShiningSurfaces, lamp_table, many_lamps_integrator
 from scarl_sionna.engine.light.retroreflectors import Retroreflectors
@@ -166,7 +166,7 @@ def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
         traced = _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
         if haze is not None and glows(state):
             lamps = lamp_table(mi, scene)
-            if lamps is not None:
+            if lamps is not None and len(glowing(lamps)):
                 traced += _launched(mi, scene, glow_integrator(mi, scene, lamps, haze), view, 3)
         return traced
 

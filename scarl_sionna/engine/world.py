@@ -21,6 +21,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.arguments import number
 from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity, short, span, vector
 from scarl_sionna.core.results import ObjectState
+from scarl_sionna.core.specs.conditions import Conditions
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.scene.bodies.bending import BentMesh
@@ -35,6 +36,7 @@ from scarl_sionna.scene.motion.articulation import joints_on_ground
 from scarl_sionna.scene.motion.trajectory import Motion, Trajectory, is_present
 from scarl_sionna.scene.tables import Actor, InstanceInfo, RayHits, part_table
 
+from .changing import Changes
 from .instances import Shapes, check_bodies, describe_instance
 from .light.lamps import Moment
 from .rays.bent_faces import BentFaces, bent_faces
@@ -67,6 +69,7 @@ class World(Described):
         self.weather = Weather()
         self.lighting = document.lighting
         self._dry = document, materials, document.lighting
+        self._changes = Changes()
         self.name = document.name
         self.ego = document.ego
         self.parts, self._entries = part_table(document, materials)
@@ -107,6 +110,8 @@ class World(Described):
         yield "lanes", "none" if lanes is None else f"{len(lanes.lanes)}, parking places: {len(lanes.parking)}"
         yield "lighting", "emitters of the scene's XML" if self.lighting is None else short(self.lighting)
         yield "weather", "clear" if self.weather.is_clear else short(self.weather)
+        if self.changes:
+            yield "changes", f"{len(self.changes)}: at {listed(quantity(one.time, 's') for one in self.changes)}"
 
     @cached_property
     def _moving_parts(self) -> tuple[tuple[int, int], ...]:
@@ -143,6 +148,7 @@ class World(Described):
             of the scene's own XML.
         """
         other = copy.copy(self)
+        other._changes = self._changes.without("lighting")
         chosen = Lighting.preset(lighting) if isinstance(lighting, str) else lighting
         other.lighting = self.weather.over(chosen, self.is_indoors)
         other._dry = *self._dry[:2], chosen
@@ -162,6 +168,7 @@ class World(Described):
             back to the scene as it was loaded.
         """
         other = copy.copy(self)
+        other._changes = self._changes.without("weather")
         chosen = Weather.preset(weather) if isinstance(weather, str) else weather
         other.weather = chosen.with_(wetness=0.0) if self.is_indoors and chosen.wetness is None else chosen
         document, materials, lighting = self._dry
@@ -175,6 +182,39 @@ class World(Described):
             other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
         return other
 
+    def with_changes(self, changes: Iterable[Conditions]) -> World:
+        """Return this world with light and weather that change: states have those of their time, from the first one on.
+
+        Raises
+        ------
+        ParameterRangeError
+            If the times of the changes do not rise.
+        """
+        other = copy.copy(self)
+        other._changes = Changes(changes)
+        return other
+
+    @property
+    def changes(self) -> tuple[Conditions, ...]:
+        """Changes of light and weather, in the order of their times."""
+        return self._changes.steps
+
+    @property
+    def stated(self) -> tuple[Lighting | None, Weather]:
+        """The lighting as it was chosen, without what the weather makes of it, and the weather."""
+        return self._dry[2], self.weather
+
+    def under(self, lighting: Lighting | None, weather: Weather) -> World:
+        """Return this world under another lighting and in another weather, all the time."""
+        other = copy.copy(self)
+        other._changes = Changes()
+        other._dry = *self._dry[:2], lighting
+        return other.with_weather(weather)
+
+    def release(self, kind: str) -> None:
+        """Let go of a twin; it is loaded again when it is asked for."""
+        self._twins.pop(kind, None)
+
     def _sheltered(self, places: Array) -> int:
         """Return how many of places (n, 3) [m] have something above them."""
         state = self.at(float(np.clip(0.0, *self.time_range)))
@@ -184,7 +224,8 @@ class World(Described):
         """Return a world of its own in which this one's scene has more actors; see :func:`scarl_sionna.stage`."""
         document, materials, lighting = self._dry
         staged = World(stage_document(replace(document, lighting=lighting), actors, ego), materials)
-        return staged if self.weather == Weather() else staged.with_weather(self.weather)
+        staged = staged if self.weather == Weather() else staged.with_weather(self.weather)
+        return staged.with_changes(self.changes)
 
     def with_motion(self, trajectories: Mapping[str, Trajectory]) -> World:
         """Return this world with other trajectories of its actors, by their names; it shares everything else.
@@ -198,6 +239,7 @@ class World(Described):
             self.actor(name)
         other = copy.copy(self)
         other.__dict__.pop("_actor_of_name", None)
+        other._changes = self._changes.moved(trajectories)
         entries = {entry.name: entry for entry in on_trajectories(self._entries, trajectories)}
         other._entries = list(entries.values())
         other.document, dry = (
@@ -267,7 +309,7 @@ class World(Described):
             raise TimeRangeError(time, *self.time_range, what=f"scene '{self.name}'")
         poses = {actor.name: actor.trajectory.pose(time) for actor in self.actors}
         twists = {actor.name: actor.trajectory.twist(time) for actor in self.actors}
-        return WorldState(self, time, poses, twists)
+        return WorldState(self._changes.world_at(self, time), time, poses, twists)
 
     def with_parts_at(self, places: Mapping[int, Pose], bent_at: float = 0.0) -> WorldState:
         """Return a state at rest in which parts of actors have given places, world_from_part by the row of the part.

@@ -30,7 +30,7 @@ from .drawn import drawn
 from .motion.motions import Setting
 from .own_map import OWN_MAP, own_map
 from .randomize import draw_materials, draw_reflectances
-from .road_users import traffic_of
+from .road_users import traffic_of, with_signals_of
 from .spec.light import name_error
 from .spec.scenario import ScenarioSpec
 
@@ -92,7 +92,7 @@ def compose(spec: ScenarioSpec) -> Composition:
             raise ScenarioError.first_of(problems)
         if spec.randomization.placements is None or first_collision(spec, own) is None:
             break
-    kept = remaining(spec, scene)
+    kept = with_signals_of(spec, remaining(spec, scene), setting)
     check_times(spec, own, kept)
     check_speeds(spec, own)
     members = (*own, *traffic_of(spec, own, kept, setting))
@@ -139,7 +139,7 @@ def build_world(spec: ScenarioSpec) -> World:
         world = world.with_lighting(spec.lighting)
     if spec.weather is not None:
         world = world.with_weather(spec.weather)
-    return world
+    return world.with_changes(spec.changes)
 
 
 def scene_of(spec: ScenarioSpec) -> SceneDocument:

@@ -31,6 +31,7 @@ from .motion.bodies import BodyLike
 from .motion.motions import MARGIN, Setting
 from .openscenario.actors import actor_name, planned_actors
 from .openscenario.drive import read_drive
+from .openscenario.lights import with_signals
 from .randomize import draw_look
 from .spec.actors import TrafficSpec
 from .spec.light import name_error
@@ -94,6 +95,13 @@ def traffic_of(
         raise ScenarioFileError(str(error), spec.place(*PATH_OF_TRAFFIC, "file"), value=spec.traffic.file) from error
     except ParameterRangeError as error:
         raise ScenarioValueError(str(error), spec.place(*PATH_OF_TRAFFIC), value=error.value) from error
+
+
+def with_signals_of(spec: ScenarioSpec, document: SceneDocument, setting: Setting) -> SceneDocument:
+    """Return the scene with lights that follow the storyboard, where the traffic is that of one."""
+    if spec.traffic is None or spec.traffic.source != "openscenario":
+        return document
+    return with_signals(document, read_drive(_file(spec, spec.traffic), setting.street).run.signals)
 
 
 def _planned(

@@ -182,6 +182,8 @@ class ParkingPlace(Described, units={"position": "m", "yaw_deg": "deg", "length"
 class Signals(Described, units={"cycle": "s"}):
     """Fixed-time signals: `cycle` [s], and for each group the start and the end of green within it [s].
 
+    `stated` gives for some groups times [s] and what is lit from then on, of `SIGNAL_COLORS`; the plan holds before.
+
     Raises
     ------
     ParameterRangeError
@@ -190,6 +192,7 @@ class Signals(Described, units={"cycle": "s"}):
 
     cycle: float
     green: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    stated: Mapping[str, tuple[tuple[float, frozenset[str]], ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cycle", _number(self.cycle, "signals.cycle", 0.0, 600.0, "s"))
@@ -207,11 +210,15 @@ class Signals(Described, units={"cycle": "s"}):
     def is_green(self, group: str, time: float) -> bool:
         """Return whether a group shows green at a time [s]."""
         start, stop = self._span(group)
-        return start <= time % self.cycle < stop
+        now = self._stated(group, time)
+        return start <= time % self.cycle < stop if now is None else "green" in now
 
     def shown(self, group: str, time: float) -> frozenset[str]:
         """Return which of `SIGNAL_COLORS` a group shows at a time [s]: red, red and amber, green, amber."""
         start, stop = self._span(group)
+        now = self._stated(group, time)
+        if now is not None:
+            return now
         since = (time - start) % self.cycle
         if since < stop - start:
             return frozenset({"green"})
@@ -222,10 +229,21 @@ class Signals(Described, units={"cycle": "s"}):
     def green_left(self, group: str, time: float) -> float:
         """Return for how long a group stays green from a time on [s]; 0 where it is red."""
         start, stop = self._span(group)
-        phase = time % self.cycle
-        if not start <= phase < stop:
+        later = [(since, shown) for since, shown in self.stated.get(group, ()) if since > time]
+        if not self.is_green(group, time):
             return 0.0
-        return float("inf") if stop - start >= self.cycle else stop - phase
+        if self._stated(group, time) is not None:
+            return min((since - time for since, shown in later if "green" not in shown), default=float("inf"))
+        left = float("inf") if stop - start >= self.cycle else stop - time % self.cycle
+        return min(left, later[0][0] - time) if later and "green" not in later[0][1] else left
+
+    def _stated(self, group: str, time: float) -> frozenset[str] | None:
+        """Return what is stated of a group at a time [s]; None where the plan holds."""
+        found = None
+        for since, shown in self.stated.get(group, ()):
+            if since <= time:
+                found = shown
+        return found
 
     def _span(self, group: str) -> tuple[float, float]:
         if group not in self.green:

@@ -128,8 +128,8 @@ def test_what_no_controller_has_is_named(tmp_path) -> None:
         read_drive(written(tmp_path, [action], lights()))
 
 
-def test_it_says_that_the_lights_of_the_picture_are_others(tmp_path) -> None:
-    with pytest.warns(match="lights in the picture follow the map's own plan"):
+def test_it_says_that_a_light_is_not_on_the_map(tmp_path) -> None:
+    with pytest.warns(match="the map has no light 'signal_first': it decides conditions alone"):
         read_drive(written(tmp_path, [("Ego", BRAKE, after(1.0))], lights()))
 
 

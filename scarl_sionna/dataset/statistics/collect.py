@@ -100,7 +100,7 @@ class DatasetStatistics(Described):
         return list(self._facts())
 
     def _facts(self) -> Iterable[Row]:
-        yield "frames", f"{self.num_frames} in {len(self.scenes)} scenes"
+        yield "frames", f"{self.num_frames} in {len({scene.name for scene in self.scenes})} scenes"
         yield "splits", listed(f"{name}: {count}" for name, count in self.frames_by("split").items())
         yield "weather", listed(f"{name}: {count}" for name, count in self.frames_by("weather").items())
         balance = self.class_balance()
@@ -186,7 +186,7 @@ def dataset_statistics(
             counter.add(number, scene.without_pictures(index))
             done += 1
             on_progress(done, total)
-        counter.finish(scene, len(chosen))
+        counter.finish(scene)
     return counter.result()
 
 
@@ -197,9 +197,11 @@ class _Counter:
         self.source, self.pfa, self.margin, self.most_points = source, pfa, margin, most_points
         self._scenes: list[SceneFacts] = []
         self._rows: dict[str, list[Any]] = defaultdict(list)
+        self._weathers: Counter[str] = Counter()
 
     def add(self, scene: int, frame: Frame) -> None:
         """Count a frame."""
+        self._weathers[weather_name(self.source.scenes[scene].configuration, frame.timestamp_ns / 1e9)] += 1
         items = other_objects(frame)
         users = [item for item in items if GROUP_OF_SEMANTIC[item.semantic] != NO_GROUP]
         counts = np.zeros(len(users), np.int64)
@@ -238,10 +240,11 @@ class _Counter:
                 )
             )
 
-    def finish(self, scene: SceneFrames, num_frames: int) -> None:
-        """End a scene."""
+    def finish(self, scene: SceneFrames) -> None:
+        """End a scene; one whose weather changes has a row for each weather."""
         split = self.source.split_of(scene.name) or "none"
-        self._scenes.append(SceneFacts(scene.name, split, weather_name(scene.configuration), num_frames))
+        self._scenes += [SceneFacts(scene.name, split, name, count) for name, count in self._weathers.items()]
+        self._weathers.clear()
         for name, kind in (("objects", OBJECT_ROW), ("scans", SCAN_ROW), ("points", POINT_ROW)):
             self._rows[f"{name} done"].append(np.array(self._rows.pop(name, []), dtype=kind))  # rows take 10 times more
 

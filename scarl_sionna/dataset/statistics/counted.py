@@ -32,7 +32,7 @@ FARTHEST = 100.0
 
 @dataclass(frozen=True)
 class SceneFacts:
-    """One scene: its name, split, weather in words, and number of frames counted."""
+    """One scene, or of one whose weather changes the part in one weather: name, split, weather, frames counted."""
 
     name: str
     split: str

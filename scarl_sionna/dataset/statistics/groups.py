@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -31,15 +32,20 @@ GROUP_OF_SEMANTIC = np.array(
 """Group by semantic id; -1: no road user."""
 
 
-def weather_name(configuration: Mapping[str, Any]) -> str:
+def weather_name(configuration: Mapping[str, Any], time: float = -math.inf) -> str:
     """Return the weather of a scene's configuration in a word or two: the preset that it is, or its rates.
 
     Parameters
     ----------
     configuration : mapping
-        Of the scene; without an entry ``weather`` it is clear.
+        Of the scene; without an entry ``weather`` it is clear. Its ``changes`` state the weather of later times.
+    time : float
+        [s]
     """
     stated = configuration.get("weather")
+    for change in configuration.get("changes", ()):
+        if change["time"] <= time:
+            stated = change.get("weather", stated)
     if stated is None:
         return "clear"
     if isinstance(stated, str):

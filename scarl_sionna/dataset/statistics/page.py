@@ -22,7 +22,7 @@ tr.head td { font-weight: bold; padding-top: 1em; } .pale { color: #616a76; } sv
 
 def page(found: Counted) -> str:
     """Return the page as HTML."""
-    title = f"{found.num_frames} frames in {len(found.scenes)} scenes"
+    title = f"{found.num_frames} frames in {len({scene.name for scene in found.scenes})} scenes"
     body = "\n".join(
         (
             f"<h1>Statistics of a dataset: {title}</h1>",

@@ -7,6 +7,7 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from scarl_sionna.core.specs.lidar_ratio import FOG_LIDAR_RATIO
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
@@ -65,7 +66,7 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
 
         def place(self, scene: MitsubaObject, table: LampTable, extinction: float) -> None:
             """Take the lamps of a scene and the haze's extinction coefficient [1/m]."""
-            lamps = np.flatnonzero((table.kind <= 1) & (table.strength > 0.0))
+            lamps = glowing(table)
             self._count = dr.opaque(mi.UInt32, len(lamps))
             self._extinction = dr.opaque(mi.Float, float(extinction))
             self._is_surface = mi.Bool(table.kind[lamps] == SURFACE)
@@ -135,6 +136,11 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
 
     mi.register_integrator(PLUGIN, GlowIntegrator)
     return GlowIntegrator
+
+
+def glowing(table: LampTable) -> npt.NDArray[np.int64]:
+    """Return the rows of the lamps whose light is followed through haze; without any there is nothing to render."""
+    return np.flatnonzero((table.kind <= 1) & (table.strength > 0.0))
 
 
 def glow_integrator(mi: ModuleType, scene: MitsubaObject, table: LampTable, haze: Haze) -> MitsubaObject:

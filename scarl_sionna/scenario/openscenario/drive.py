@@ -11,13 +11,13 @@ from typing import Any
 
 from scarl_sionna.core.errors import MapError, ScarlWarning, ScenarioFileError
 
+from .lights import not_shown
 from .reading.catalogs import Catalogs
 from .reading.entities import Entity, read_entities
-from .reading.environment import Clock, clock_of, environment_of
 from .reading.source import Node, Problems, read_root
 from .roads.network import Roads, read_roads
 from .running.actions import Action
-from .running.registry import EnvironmentAction, read_global, read_private
+from .running.registry import read_global, read_private
 from .running.signals import read_signals
 from .running.simulation import Run, Simulation
 from .running.storyboard import Storyboard
@@ -42,7 +42,7 @@ class Drive:
         Who is the ego vehicle: called so, else the first vehicle.
     run : Run
     surroundings : dict
-        `lighting` and `weather` as a scenario file states them, where it says something of them.
+        `lighting`, `weather` and `changes` as a scenario file states them, where it says something of them.
     lines : dict
         Lines of the parts that a scenario file has keys for.
     findings : tuple of str
@@ -119,15 +119,9 @@ def _cached(path: Path, stamp: tuple[int, int], map_file: Path | None, map_stamp
     storyboard = Storyboard(board, catalogs, entities)
     signals = read_signals(root.need("RoadNetwork"))
     problems.check()
-    surroundings: dict[str, Any] = {}
-    clock: Clock | None = None
-    for action, _ in init:
-        if isinstance(action, EnvironmentAction):
-            surroundings |= environment_of(action.node, catalogs)
-            clock = clock_of(action.node, catalogs) or clock
     hero = _hero(entities)
     simulation = Simulation(roads, entities, dict(root.scope), storyboard, hero)
-    simulation.signals, simulation.clock = signals, clock
+    simulation.signals = signals
     simulation.start(init)
     run = simulation.simulate()
     if not run.reason.startswith("StopTrigger"):
@@ -135,13 +129,31 @@ def _cached(path: Path, stamp: tuple[int, int], map_file: Path | None, map_stamp
     for name, entity in entities.items():
         if not run.tracks[name]:
             entity.node.note(f"'{name}' is never given a place and is not there")
+    lights = (
+        set()
+        if roads is None
+        else {one.id for road in roads.street.roads.values() for one in road.signals if one.is_dynamic}
+    )
+    for sentence in not_shown(run.signals, lights):
+        root.need("RoadNetwork").note(sentence)
     if problems.findings:
         more = f" and {len(problems.findings) - 1} more" if len(problems.findings) > 1 else ""
         warnings.warn(f"{problems.findings[0]}{more}", ScarlWarning, stacklevel=4)
     lines = {"scene": root.need("RoadNetwork").line, "traffic": root.need("Entities").line}
     if hero is not None:
         lines["ego"] = entities[hero].node.line
-    return Drive(path, found_map, roads, entities, hero, run, surroundings, lines, tuple(problems.findings))
+    return Drive(path, found_map, roads, entities, hero, run, _surroundings(run), lines, tuple(problems.findings))
+
+
+def _surroundings(run: Run) -> dict[str, Any]:
+    """Return `lighting` and `weather` at the start of a run, and its `changes` until its end."""
+    found: dict[str, Any] = {}
+    changes = [(time, stated) for time, stated in run.surroundings if time < run.stop]
+    if changes and changes[0][0] <= 0.0:
+        found |= changes.pop(0)[1]
+    if changes:
+        found["changes"] = [{"time": round(time, 5), **stated} for time, stated in changes]
+    return found
 
 
 def _roads(root: Node, map_file: Path | None) -> tuple[Path | None, Roads | None]:

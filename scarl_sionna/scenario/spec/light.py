@@ -17,6 +17,7 @@ from scarl_sionna.core.errors import (
     ScenarioValueError,
     UnknownNameError,
 )
+from scarl_sionna.core.specs.conditions import Conditions
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.core.specs.weather import Weather
 
@@ -163,3 +164,10 @@ LightingField = Annotated[Lighting | None, BeforeValidator(_lighting)]
 
 WeatherField = Annotated[Weather | None, BeforeValidator(_weather)]
 """A weather: an object, the name of a preset, or a mapping, with `preset` and values that differ or without."""
+
+
+class ConditionsSpec(Conditions):
+    """Light and weather from a time on; each a preset, values or, of light, a time of day."""
+
+    lighting: LightingField = None
+    weather: WeatherField = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,7 +26,7 @@ from scarl_sionna.core.units import Hertz, Seconds
 
 from .actors import ActorSpec, EgoSpec, RandomizationSpec, TrafficSpec
 from .files import Origin, place_of, read_marked
-from .light import LightingField, WeatherField
+from .light import ConditionsSpec, LightingField, WeatherField
 from .problems import problems_of
 
 LIBRARY = Path(__file__).parents[1] / "library"
@@ -72,6 +73,9 @@ class ScenarioSpec(Spec):
     split: Literal["train", "val", "test"] = Field("train", description="split of a dataset that it belongs to")
     lighting: LightingField = Field(None, description="default: that of the scene")
     weather: WeatherField = Field(None, description="default: clear")
+    changes: tuple[ConditionsSpec, ...] = Field(
+        (), description="light and weather from later times on, which rise; what one does not state stays as it was"
+    )
     ego: EgoSpec | None = Field(None, description="default: the scene's own")
     actors: tuple[ActorSpec, ...] = Field((), description="with names of their own")
     keep_default_actors: bool | None = Field(
@@ -109,6 +113,14 @@ class ScenarioSpec(Spec):
             if is_stated and getattr(self.randomization, name) is not None:
                 said = f"stands beside `randomization.{name}`, which draws it"
                 raise ScenarioValueError(said, ScenarioPlace(name), "leave one of them out")
+        return self
+
+    @model_validator(mode="after")
+    def _changes(self) -> ScenarioSpec:
+        for index, (before, after) in enumerate(pairwise(self.changes), start=1):
+            if not after.time > before.time:
+                said = f"= {after.time:g} s does not come after the change before it at {before.time:g} s"
+                raise ScenarioValueError(said, ScenarioPlace(f"changes[{index}].time"), "let their times rise")
         return self
 
     @model_validator(mode="after")

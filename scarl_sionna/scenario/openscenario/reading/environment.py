@@ -19,38 +19,9 @@ _MOST_RAIN, _MOST_SNOW = 200.0, 20.0
 _CLEAR = 25e3
 """Visual range from which on there is no fog [m]."""
 _FOG = 2000.0
-
-
-def environment_of(action: Node, catalogs: Catalogs) -> dict[str, Any]:
-    """Return light and weather of an ``<EnvironmentAction>`` as a scenario file states them.
-
-    Returns
-    -------
-    dict
-        `lighting` and `weather`, where something of them is stated.
-
-    Raises
-    ------
-    ScenarioError
-        If a value is wrong or outside what the models of light and weather allow.
-    """
-    node = _environment(action, catalogs)
-    lighting, weather = _time_of_day(node), {}
-    sky = node.child("Weather")
-    if sky is not None:
-        _sky(sky, lighting)
-        weather = _air(sky)
-    road = node.child("RoadCondition")
-    if road is not None:
-        road.note("frictionScaleFactor has no effect on the motion")
-        if road.has("wetness"):
-            weather["wetness"] = _WETNESS[road.choice("wetness", tuple(_WETNESS))]
-    found: dict[str, Any] = {}
-    if lighting:
-        found["lighting"] = lighting
-    if weather:
-        found["weather"] = weather
-    return found
+_SUN = ("sun_elevation_deg", "sun_azimuth_deg")
+_ALSO_ZERO = ("wetness", "temperature_celsius", "wind")
+"""Values of which 0 is not the default."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +35,88 @@ class Clock:
         """Return by how much it is later than a time of day, at a time of the scenario [s]."""
         return (self.start - when).total_seconds() + (time if self.goes_on else 0.0)
 
+    def at(self, time: float) -> datetime.datetime:
+        """Return the time of day at a time of the scenario [s]."""
+        return self.start + datetime.timedelta(seconds=time if self.goes_on else 0.0)
 
-def clock_of(action: Node, catalogs: Catalogs) -> Clock | None:
-    """Return the clock of an ``<EnvironmentAction>``; None where it states no time of day."""
-    clock = _environment(action, catalogs).child("TimeOfDay")
-    return None if clock is None else Clock(date_time(clock), clock.truth("animation", False))
+
+@dataclass(frozen=True)
+class Environment:
+    """What an ``<EnvironmentAction>`` states; what it leaves out stays as it was.
+
+    Attributes
+    ----------
+    node : Node
+    clock : Clock or None
+    lighting, weather : dict
+        Values as a scenario file states them.
+    """
+
+    node: Node
+    clock: Clock | None
+    lighting: dict[str, Any]
+    weather: dict[str, Any]
+
+
+def read_environment(action: Node, catalogs: Catalogs) -> Environment:
+    """Return what an ``<EnvironmentAction>`` states of light and weather.
+
+    Raises
+    ------
+    ScenarioError
+        If a value is wrong or outside what the models of light and weather allow.
+    """
+    node = _environment(action, catalogs)
+    lighting: dict[str, Any] = {}
+    weather: dict[str, Any] = {}
+    sky = node.child("Weather")
+    if sky is not None:
+        _sky(sky, lighting)
+        weather = _air(sky)
+    road = node.child("RoadCondition")
+    if road is not None:
+        road.note("frictionScaleFactor has no effect on the motion")
+        if road.has("wetness"):
+            weather["wetness"] = _WETNESS[road.choice("wetness", tuple(_WETNESS))]
+    clock = node.child("TimeOfDay")
+    shown = None if clock is None else Clock(date_time(clock), clock.truth("animation", False))
+    return Environment(action if sky is None else sky, shown, lighting, weather)
+
+
+class Surroundings:
+    """Light and weather of a run, one environment after the other."""
+
+    def __init__(self) -> None:
+        self.clock: Clock | None = None
+        self._lighting: dict[str, Any] = {}
+        self._weather: dict[str, Any] = {}
+
+    def take(self, stated: Environment, time: float) -> None:
+        """Let an environment hold from a time on [s].
+
+        Raises
+        ------
+        ScenarioError
+            If rain or snow would fall at a temperature at which it does not.
+        """
+        if stated.clock is not None:
+            start = stated.clock.start - datetime.timedelta(seconds=time if stated.clock.goes_on else 0.0)
+            self.clock = Clock(start, stated.clock.goes_on)
+            self._lighting = {key: value for key, value in self._lighting.items() if key not in _SUN}
+        self._lighting |= stated.lighting
+        self._weather |= stated.weather
+        _check_temperature(stated.node, self._weather)
+
+    def at(self, time: float) -> dict[str, Any]:
+        """Return `lighting` and `weather` at a time [s] as a scenario file states them, where something is stated."""
+        lighting = dict(self._lighting)
+        if self.clock is not None:
+            when = self.clock.at(time)
+            hour = when.hour + when.minute / 60.0 + when.second / 3600.0
+            lighting = lighting_at(hour, when.timetuple().tm_yday).model_dump() | lighting
+        weather = {key: value for key, value in self._weather.items() if value not in (None, 0.0) or key in _ALSO_ZERO}
+        found = {"lighting": lighting} if lighting else {}
+        return found | ({"weather": weather} if weather or self._weather else {})
 
 
 def date_time(clock: Node) -> datetime.datetime:
@@ -83,15 +131,6 @@ def date_time(clock: Node) -> datetime.datetime:
 def _environment(action: Node, catalogs: Catalogs) -> Node:
     node = action.need("Environment", "CatalogReference")
     return (catalogs.resolve(node) if node.tag == "CatalogReference" else node).declared()
-
-
-def _time_of_day(node: Node) -> dict[str, Any]:
-    clock = node.child("TimeOfDay")
-    if clock is None:
-        return {}
-    when = date_time(clock)
-    hour = when.hour + when.minute / 60.0 + when.second / 3600.0
-    return dict(lighting_at(hour, when.timetuple().tm_yday).model_dump())
 
 
 def _sky(sky: Node, lighting: dict[str, Any]) -> None:
@@ -113,16 +152,14 @@ def _air(sky: Node) -> dict[str, Any]:
     fog = sky.child("Fog")
     if fog is not None:
         sight = fog.limit("visualRange")
-        if sight < _FOG:
-            weather["visibility"] = max(sight, 10.5)
+        weather["visibility"] = max(sight, 10.5) if sight < _FOG else None
     fall = sky.child("Precipitation")
     if fall is not None:
         kind = fall.choice("precipitationType", ("dry", "rain", "snow"))
         rate = 0.0
         if kind != "dry":
             rate = _rate(fall, _MOST_RAIN if kind == "rain" else _MOST_SNOW)
-        if rate > 0.0:
-            weather["rain_rate" if kind == "rain" else "snow_rate"] = rate
+        weather |= {"rain_rate": rate if kind == "rain" else 0.0, "snow_rate": rate if kind == "snow" else 0.0}
     wind = sky.child("Wind")
     if wind is not None:
         speed, direction = wind.number("speed", low=0.0, high=60.0, unit="m/s"), wind.number("direction")
@@ -132,7 +169,6 @@ def _air(sky: Node) -> dict[str, Any]:
         weather["temperature_celsius"] = round(celsius, 3)
         if not -20.0 <= celsius <= 40.0:
             raise sky.error(f"temperature = {celsius + 273.15:g} K", "253.15 to 313.15 K are read")
-    _check_temperature(sky, weather)
     return weather
 
 
@@ -149,9 +185,9 @@ def _rate(fall: Node, most: float) -> float:
 def _check_temperature(sky: Node, weather: dict[str, Any]) -> None:
     """Raise where rain or snow falls at a temperature at which it does not; without one, snow falls at 0 degrees."""
     celsius = weather.get("temperature_celsius")
-    if "snow_rate" in weather and celsius is None:
+    if weather.get("snow_rate") and celsius is None:
         weather["temperature_celsius"] = 0.0
-    elif "snow_rate" in weather and float(celsius or 0.0) > 5.0:
+    elif weather.get("snow_rate") and float(celsius or 0.0) > 5.0:
         raise sky.error(f"snow at {celsius:g} degrees Celsius", "give a temperature of at most 278.15 K")
-    if "rain_rate" in weather and celsius is not None and celsius < -5.0:
+    if weather.get("rain_rate") and celsius is not None and celsius < -5.0:
         raise sky.error(f"rain at {celsius:g} degrees Celsius", "give a temperature of at least 268.15 K")

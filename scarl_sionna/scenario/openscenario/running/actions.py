@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from scarl_sionna.scenario.openscenario.reading.catalogs import Catalogs
+from scarl_sionna.scenario.openscenario.reading.environment import Environment
 from scarl_sionna.scenario.openscenario.reading.source import Node
 
 from .distances import Distance
@@ -34,6 +35,9 @@ class Stage(World, Protocol):
 
     def show(self, name: str, is_present: bool, node: Node) -> None:
         """Let an entity be in the scene or not from now on."""
+
+    def surround(self, stated: Environment) -> None:
+        """Let light and weather be those of an environment from now on."""
 
 
 class Action(ABC):

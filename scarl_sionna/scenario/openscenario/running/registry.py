@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from scarl_sionna.scenario.openscenario.reading.catalogs import Catalogs
+from scarl_sionna.scenario.openscenario.reading.environment import read_environment
 from scarl_sionna.scenario.openscenario.reading.source import Node, parameter_name
 
 from .actions import Action, DistanceAction, SpeedAction, SpeedProfileAction, Stage, SynchronizeAction
@@ -91,15 +92,16 @@ class _EntityAction(Action):
         return None
 
 
-class EnvironmentAction(Action):
-    """GlobalAction/EnvironmentAction; read when the scenario is made, of its start only."""
+class _EnvironmentAction(Action):
+    """GlobalAction/EnvironmentAction: light and weather from now on."""
+
+    def __init__(self, node: Node, catalogs: Catalogs) -> None:
+        super().__init__(node)
+        self._stated = read_environment(node, catalogs)
 
     def begin(self, stage: Stage, actor: str) -> Process | None:
-        """Do nothing at the start; light and weather do not change during a run."""
-        if stage.time > 0.0:
-            raise self.node.unsupported(
-                "put it into <Init>: light and weather hold for the whole scenario", f"changes at {stage.time:.4g} s"
-            )
+        """Let it hold from now on."""
+        stage.surround(self._stated)
         return None
 
 
@@ -190,7 +192,7 @@ def read_global(node: Node, catalogs: Catalogs) -> list[Action]:
     found: list[Action] = []
     for one in node.children():
         if one.tag == "EnvironmentAction":
-            found.append(EnvironmentAction(one))
+            found.append(_EnvironmentAction(one, catalogs))
         elif one.tag in ("ParameterAction", "VariableAction"):
             found.append(_Parameter(one))
         elif one.tag == "EntityAction":

@@ -41,9 +41,13 @@ class _Controller:
 
 @dataclass
 class TrafficSignals:
-    """The controllers of a file, and states that were set during the run: by signal, with the time [s]."""
+    """The controllers of a file, and states that were set during the run: by signal, with the time [s].
+
+    `shown` is what signals have shown, by signal: times [s] and the state from then on.
+    """
 
     controllers: dict[str, _Controller] = field(default_factory=dict)
+    shown: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
     _set: dict[str, tuple[str, float]] = field(default_factory=dict)
 
     def phase(self, name: str, time: float, node: Node) -> str:
@@ -59,6 +63,17 @@ class TrafficSignals:
             if shown is not None and (found is None or controller.begun(time) > since):
                 found = shown
         return found
+
+    def note(self, time: float) -> None:
+        """Take note of what all signals show at a time, and since when."""
+        known = {name for one in self.controllers.values() for states in one.states for name in states}
+        for signal in sorted(known | set(self._set)):
+            state = self.state(signal, time)
+            if state is None or (self.shown.get(signal) and self.shown[signal][-1][1] == state):
+                continue
+            begun = [one.begun(time) for one in self.controllers.values() if signal in one.states[one.number(time)]]
+            begun += [self._set[signal][1]] if signal in self._set else []
+            self.shown.setdefault(signal, []).append((max(begun), state))
 
     def set_state(self, signal: str, state: str, time: float) -> None:
         """Let a signal show a state from now on, until the next phase of its controller."""
@@ -114,7 +129,4 @@ def read_signals(network: Node) -> TrafficSignals:
             seen.add(reference)
             at = reference
         found.controllers[name].start = start
-    if found.controllers:
-        assert holder is not None
-        holder.note("decides conditions alone: lights in the picture follow the map's own plan")
     return found

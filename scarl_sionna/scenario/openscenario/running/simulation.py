@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 from scarl_sionna.core.errors import ScenarioError
 from scarl_sionna.scenario.openscenario.reading.entities import Entity
-from scarl_sionna.scenario.openscenario.reading.environment import Clock
+from scarl_sionna.scenario.openscenario.reading.environment import Clock, Environment, Surroundings
 from scarl_sionna.scenario.openscenario.reading.source import Node
 from scarl_sionna.scenario.openscenario.roads.network import Roads
 
-from .actions import Action
+from .actions import START, Action
 from .motion import Motion
 from .placing import FollowTrajectoryAction, TeleportAction, at_place
 from .positions import placed
@@ -31,6 +31,8 @@ LONGEST = 300.0
 """Longest run [s]."""
 AFTER = 1.0
 """How long a run goes on after its end [s]: sensors look at instants within a frame."""
+SUN_STEP = 60.0
+"""Light follows a time of day that goes on in steps of so long [s]: the sun moves by 0.25 deg, half its diameter."""
 _MOST_ROUNDS = 200
 MOST_STATES = 1_500_000
 """States of entities in a run."""
@@ -50,12 +52,19 @@ class Run:
         Why it ends.
     seen : dict
         Times from and to which each entity is in the scene [s].
+    surroundings : list of (float, dict)
+        Times [s] and the `lighting` and `weather` from then on, as a scenario file states them; the first are those of
+        the start.
+    signals : dict
+        What signals show, by their id: times [s] and the state from then on.
     """
 
     tracks: dict[str, list[Motion]]
     stop: float
     reason: str
     seen: dict[str, list[tuple[float, float]]]
+    surroundings: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
+    signals: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
 
 
 class Simulation:
@@ -84,7 +93,9 @@ class Simulation:
         self.routes: dict[str, tuple[str, ...]] = {}
         self.time = 0.0
         self.signals = TrafficSignals()
-        self.clock: Clock | None = None
+        self._surroundings = Surroundings()
+        self._environments: list[tuple[float, dict[str, Any]]] = []
+        self._noted = 0.0
         self._board, self.hero = storyboard, hero
         self._running: dict[tuple[str, str], Running] = {}
         self._now: list[tuple[Element, str]] = []
@@ -116,6 +127,25 @@ class Simulation:
     def show(self, name: str, is_present: bool, node: Node) -> None:
         """Let an entity be in the scene or not from now on."""
         self.motions[name] = replace(self.motion(name, node), is_present=is_present)
+
+    def surround(self, stated: Environment) -> None:
+        """Let light and weather be those of an environment from now on."""
+        self._surroundings.take(stated, self.time)
+        self._note_surroundings(self.time)
+
+    @property
+    def clock(self) -> Clock | None:
+        """The time of day, where it is stated."""
+        return self._surroundings.clock
+
+    def _note_surroundings(self, time: float) -> None:
+        """Take note of light and weather from a time on [s]; what changes within `START` is one change."""
+        self._noted, before = time, self._environments
+        if before and time - before[-1][0] < START:
+            time = before.pop()[0]
+        found = self._surroundings.at(time)
+        if not before or before[-1][1] != found:
+            before.append((0.0 if time < START else time, found))
 
     def element_state(self, kind: str, name: str, state: str, node: Node) -> bool:
         """Return whether an element of the storyboard is in a state, or in a transition right now."""
@@ -204,6 +234,7 @@ class Simulation:
         states = 0
         while True:
             ended = self._settle()
+            self.signals.note(self.time)
             for name, motion in self.motions.items():
                 tracks[name].append(motion)
                 self._note_presence(name, motion)
@@ -211,8 +242,11 @@ class Simulation:
             if math.isinf(stop):
                 stop, reason = self._end_of_run(ended, longest, states)
             if self.time >= stop + AFTER - 1e-9 or states > 2 * MOST_STATES:
-                return Run(tracks, min(stop, self.time), reason, self._seen)
+                end = min(stop, self.time)
+                return Run(tracks, end, reason, self._seen, self._environments, self.signals.shown)
             self._advance()
+            if self.clock is not None and self.clock.goes_on and self.time >= self._noted + SUN_STEP:
+                self._note_surroundings(self._noted + SUN_STEP)
 
     def _end_of_run(self, ended: bool, longest: float, states: int) -> tuple[float, str]:
         if ended:

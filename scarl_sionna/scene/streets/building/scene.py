@@ -87,7 +87,7 @@ def build_scene(street: StreetMap, folder: Path, detail: str = "detailed", varia
     parking = add_objects(kit, street, shapes, GroundFrame(height), findings)
     network, lights, problems = street_lanes(street, shapes)
     findings += problems
-    add_signals(kit, street, shapes, lights, findings)
+    heads = add_signals(kit, street, shapes, lights, findings)
     if variant:
         _add_rows(kit, surroundings(kit, street, shapes, pieces, height, variant).rows, "beside_")
         _add_rows(kit, add_roadway(street, shapes, network, TOLERANCE[detail], variant), "roadway_")
@@ -105,6 +105,8 @@ def build_scene(street: StreetMap, folder: Path, detail: str = "detailed", varia
         "shift": [float(value) for value in shift],
         "findings": _distinct(findings),
     }
+    if heads:
+        kit.table = {**kit.table, "heads": [[light, head] for light, head in heads.items()]}
     if street.licence:
         kit.table = {**kit.table, "licence": street.licence}
     if network.lanes:

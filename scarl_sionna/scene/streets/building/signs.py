@@ -37,9 +37,10 @@ SPEED = ("274", "274.1", "speedLimit", "maximumSpeed")
 
 def add_signals(
     kit: SceneKit, street: StreetMap, shapes: Mapping[str, RoadShape], lights: Lights, findings: list[Finding]
-) -> None:
-    """Add all signs and traffic lights to a scene."""
+) -> dict[str, str]:
+    """Add all signs and traffic lights to a scene and return the instance of each light's head, by the light's id."""
     stand = _Stand(kit, findings)
+    heads: dict[str, str] = {}
     count = 0
     for road in street.roads.values():
         for signal in road.signals:
@@ -52,9 +53,10 @@ def add_signals(
                 group = lights.of_signal.get((road.id, signal.id))
                 if group is None:
                     findings.append(Finding(signal.line, "a traffic light stops no lane; it stays dark"))
-                stand.light(name, signal, foot, yaw, group)
+                heads.setdefault(signal.id, stand.light(name, signal, foot, yaw, group))
             else:
                 stand.sign(name, signal, foot, yaw)
+    return heads
 
 
 class _Stand:
@@ -64,8 +66,8 @@ class _Stand:
         self.kit, self.findings = kit, findings
         self._ready: dict[str, Prefab] = {}
 
-    def light(self, name: str, signal: MapSignal, foot: Array, yaw: float, group: str | None) -> None:
-        """Add a head, on a post unless it hangs over the road."""
+    def light(self, name: str, signal: MapSignal, foot: Array, yaw: float, group: str | None) -> str:
+        """Add a head, on a post unless it hangs over the road; returns its name."""
         kit = self.kit
         if "head" not in self._ready:
             self._ready["head"] = kit.prefab("signal_head", traffic_light.head(kit.is_light), _CASE)
@@ -78,6 +80,7 @@ class _Stand:
         kit.place(self._ready["head"], f"{name}_head", "TrafficLight", place, yaw, 1.0, True, group, **lenses)
         if up < _OVERHEAD:
             kit.place(self._ready["post"], f"{name}_post", "Pole", foot, yaw, scale=(up + 1.1) / 3.4)
+        return f"{name}_head"
 
     def sign(self, name: str, signal: MapSignal, foot: Array, yaw: float) -> None:
         """Add a sign on its pole."""
