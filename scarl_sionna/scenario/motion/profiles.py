@@ -146,8 +146,11 @@ def way_from_states(times: Array, ways: Array, speeds: Array, accelerations: Arr
     return PPoly(np.array(rows), times)
 
 
-def smooth_way(times: npt.ArrayLike, ways: npt.ArrayLike) -> PPoly:
+def smooth_way(times: npt.ArrayLike, ways: npt.ArrayLike, turns: bool = False) -> PPoly:
     """Return a C2 way [m] over time [s] through samples of shape (N,) that never runs backwards between rising samples.
+
+    With `turns` it keeps the slope of the spline where it goes over from rising to falling samples, or back; else it
+    stands there.
 
     Notes
     -----
@@ -172,7 +175,11 @@ def smooth_way(times: npt.ArrayLike, ways: npt.ArrayLike) -> PPoly:
     before, after = np.concatenate([mean[:1], mean]), np.concatenate([mean, mean[-1:]])
     top = 3.0 * np.minimum(np.abs(before), np.abs(after))
     limited = np.clip(slope, -top, top)
-    limited[(before * after <= 0.0) | (np.minimum(np.abs(before), np.abs(after)) < _STANDING)] = 0.0
+    if turns:
+        limited[before * after < 0.0] = slope[before * after < 0.0]
+    else:
+        limited[before * after <= 0.0] = 0.0
+    limited[np.minimum(np.abs(before), np.abs(after)) < _STANDING] = 0.0
     bend = np.where(limited == slope, bend, 0.0)
     return way_from_states(time, way, limited, bend)
 

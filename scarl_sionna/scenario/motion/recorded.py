@@ -57,6 +57,8 @@ class Record:
         How far the reference point lies in front of the origin of the body [m]: half the length for SUMO's vehicles.
     backwards : bool
         Whether it moves against its headings all the time.
+    turns : bool
+        Whether its way along its headings may go back, along the path on which it came; else what goes back is noise.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Record:
     headings: Array
     ahead: float = 0.0
     backwards: bool = False
+    turns: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,16 +131,17 @@ def smooth_record(
         index = int(np.flatnonzero(np.diff(times) <= 0.0)[0])
         raise ParameterRangeError(f"times of '{record.name}'", times[index : index + 2].tolist(), "strictly rising [s]")
     low, high = (min(times[0], span[0]), max(times[-1], span[1])) if span else (times[0], times[-1])
-    way, sideways = _way_and_jumps(record.name, times, points, headings, body.wheelbase > 0.0)
-    if way[-1] - way[0] < 0.25:
+    way, sideways = _way_and_jumps(record, times, points, headings, body.wheelbase > 0.0)
+    if np.ptp(way) < 0.25:
         return _standing(record, points, headings, (low, high) if high > low else (-np.inf, np.inf))
     shift, num_changes = _drawn_out(times, way, headings, sideways)
     points = points + shift
-    cruise = CRUISE if body.length > 2.5 else None
+    cruise = CRUISE if body.length > 2.5 and not record.turns else None
     times, way, points = _continued(times, way, points, headings, (low, high), cruise)
 
-    kept = _apart(way, 0.3)
-    fastest = float(np.max(np.diff(way) / np.diff(times)))
+    order = np.argsort(way, kind="stable") if record.turns else np.arange(len(way))
+    kept = order[_apart(way[order], 0.3)]
+    fastest = float(np.max(np.abs(np.diff(way) / np.diff(times))))
     smoothing = (
         max(smoothing_of(body), _FAST_SMOOTHING * (fastest - _FAST)) if body.wheelbase > 0.0 else smoothing_of(body)
     )
@@ -148,7 +152,7 @@ def smooth_record(
     ways = path.way_of(np.interp(way, way[kept], chord))
     rear = ways - record.ahead + body.rear_axle
     knots = _apart(times, knot_time)
-    curve = smooth_way(times[knots], rear[knots])
+    curve = smooth_way(times[knots], rear[knots], record.turns)
     trajectory = PathTrajectory(path, curve, body, name=record.name)
     off_path = np.linalg.norm(path.at(ways) - points, axis=1)
     return Smoothed(trajectory, float(np.hypot(off_path, np.abs(curve(times) - rear)).max()), num_changes)
@@ -170,7 +174,9 @@ def _backwards(
     return replace(found, trajectory=PathTrajectory(motion.path, PPoly(rows.T, -way.x[::-1]), body, name=record.name))
 
 
-def _way_and_jumps(name: str, times: Array, points: Array, headings: Array, on_wheels: bool) -> tuple[Array, Array]:
+def _way_and_jumps(
+    record: Record, times: Array, points: Array, headings: Array, on_wheels: bool
+) -> tuple[Array, Array]:
     """Return the way along the headings (N,) and the sideways steps (N - 1,) that are jumps [m]."""
     steps = np.diff(points, axis=0)
     heading = (headings[:-1] + headings[1:]) / 2.0
@@ -182,12 +188,14 @@ def _way_and_jumps(name: str, times: Array, points: Array, headings: Array, on_w
     if np.any((along > far) | (np.abs(jumps) > 8.0)):
         index = int(np.flatnonzero((along > far) | (np.abs(jumps) > 8.0))[0])
         raise ParameterRangeError(
-            f"step of '{name}'",
+            f"step of '{record.name}'",
             f"{np.linalg.norm(steps[index]):.4g} m from {times[index]:g} to {times[index + 1]:g} s",
             f"at most {FASTEST:g} m/s and a lane to the side",
             "it was carried elsewhere; in SUMO set time-to-teleport to -1",
         )
     along[along < 2e-3 * np.diff(times)] = 0.0
+    if record.turns:
+        along = np.copysign(along, (steps[:, :2] * forward).sum(1))
     return np.concatenate([[0.0], np.cumsum(along)]), jumps
 
 
@@ -218,7 +226,7 @@ def _continued(
         if lack < 1e-9:
             continue
         near = np.abs(times - times[index]) <= 1.0
-        speed = float(np.ptp(way[near]) / np.ptp(times[near])) if near.sum() > 1 else 0.0
+        speed = float((way[near][-1] - way[near][0]) / np.ptp(times[near])) if near.sum() > 1 else 0.0
         away = np.linspace(0.0, lack, max(int(np.ceil(lack / KNOT_TIME)), 1) + 1)[1:]
         ramp = np.minimum(away, CHANGE_TIME)  # a speed that goes linearly to the cruising speed
         gone = speed * away + (0.0 if cruise is None else cruise - speed) * (

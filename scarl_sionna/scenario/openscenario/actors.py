@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from scarl_sionna.scene.motion.trajectory import Trajectory
 from .drive import Drive, read_drive
 from .reading.entities import Entity
 from .running.motion import Motion
+from .turning import goes_back, sharpest, smooth_turning
 
 Array = npt.NDArray[np.float64]
 HOST = "ego"
@@ -35,7 +37,6 @@ _MODELS: Mapping[str, tuple[str, ...]] = {
     "standupScooter": ("scooter",), "wheelchair": ("wheelchair",), "animal": ("dog",),
 }  # fmt: skip # a table
 _APART = 1e-3
-_STRIDE = 2.0
 _RAMP = 1.0
 """Way over which a kerb is climbed [m]."""
 
@@ -211,13 +212,15 @@ def _free(name: str, number: int, drive: Drive) -> str:
 def _smoothed(
     drive: Drive, entity: Entity, track: Sequence[Motion], body: ActorBody, span: tuple[float, float] | None
 ) -> Smoothed:
-    times, points, headings = _samples(drive, track)
+    times, points, headings, speeds = _samples(drive, track)
     record = Record(entity.name, times, points, headings, body.rear_axle)
     if len(times) == 1:
         times = np.array([times[0], times[0] + 1.0])
         record = Record(entity.name, times, np.repeat(points, 2, 0), np.repeat(headings, 2), body.rear_axle)
     try:
-        return smooth_record(record, body, span, KNOT_TIME, _sharpest(record.points))
+        if goes_back(speeds):
+            return smooth_turning(replace(record, headings=np.unwrap(headings)), speeds, body, span, KNOT_TIME)
+        return smooth_record(record, body, span, KNOT_TIME, sharpest(record.points, ways_of(record.points)))
     except ParameterRangeError as error:
         raise entity.node.error(str(error)) from error
 
@@ -228,8 +231,8 @@ def _spans(drive: Drive, entity: Entity) -> list[tuple[float, float]]:
     return [(-np.inf if start <= 0.0 else start, stop) for start, stop in spans] or [(0.0, 0.0)]
 
 
-def _samples(drive: Drive, track: Sequence[Motion]) -> tuple[Array, Array, Array]:
-    """Return times (N,), points (N, 3) on the ground and headings (N,); instants that are nearly one are one."""
+def _samples(drive: Drive, track: Sequence[Motion]) -> tuple[Array, Array, Array, Array]:
+    """Return times (N,), points (N, 3) on the ground, headings and speeds (N,); instants nearly the same are one."""
     kept: list[Motion] = []
     for motion in track:
         if kept and motion.time - kept[-1].time < _APART and len(kept) > 1:
@@ -248,24 +251,17 @@ def _samples(drive: Drive, track: Sequence[Motion]) -> tuple[Array, Array, Array
             s = np.array([spot.s for spot in spots if spot is not None])
             t = np.array([one.t(roads) for one in kept])
             points[:, 2] = _rounded(points, roads.heights(names, s, t))
-    return times, points, headings
+    return times, points, headings, np.array([one.speed for one in kept])
 
 
-def _sharpest(points: Array) -> float:
-    """Return the largest curvature of a path (N, 3) [1/m], over 2 m each."""
-    way = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1))]
-    moving = np.r_[True, np.diff(way) > 1e-6]
-    if way[-1] < 3.0 * _STRIDE:
-        return 0.0
-    places = np.arange(0.0, way[-1], _STRIDE)
-    steps = np.diff([np.interp(places, way[moving], points[moving, axis]) for axis in (0, 1)], axis=1)
-    turns = np.diff(np.unwrap(np.arctan2(steps[1], steps[0])))
-    return float(np.abs(turns).max() / _STRIDE)
+def ways_of(points: Array) -> Array:
+    """Return the way (N,) [m] in plan along points (N, 3)."""
+    return np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1))]
 
 
 def _rounded(points: Array, heights: Array) -> Array:
     """Return heights (N,) [m] whose steps, as those of kerbs, are ramps over `_RAMP`."""
-    way = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1))]
+    way = ways_of(points)
     moving = np.r_[True, np.diff(way) > 1e-6]
     if moving.sum() < 2 or np.ptp(heights) < 1e-6:
         return heights

@@ -19,6 +19,7 @@ from .positions import read_position
 from .processes import HARDEST, KeepDistance, Match, Process, Speed, Synchronize
 from .signals import TrafficSignals
 
+_ONLY_FORWARDS = ("bicycle", "motorbike", "standup_scooter", "standupScooter", "wheelchair", "animal")
 START = 1e-3
 """Until then a step of speed or place is that of the start [s]."""
 
@@ -76,9 +77,7 @@ class SpeedAction(Action):
             motion = world.motion(self._other, self._target)
             other = motion.speed + ahead * motion.acceleration
             found = other * self._value if self._kind == "factor" else other + self._value
-        if found < -1e-9:
-            raise self._target.unsupported("let it turn round, or give a speed of 0 or more", f"asks for {found:g} m/s")
-        return max(found, 0.0)
+        return 0.0 if abs(found) < 1e-9 else found
 
     def begin(self, stage: Stage, actor: str) -> Process | None:
         """Begin the transition to the target's speed now."""
@@ -87,10 +86,12 @@ class SpeedAction(Action):
             rates = limits
             if self._dynamics.shape != "step" and self._dynamics.dimension == "rate":
                 rates = (self._dynamics.value, self._dynamics.value)
+            check_backwards(stage, actor, self._wanted(stage), self._target)
             if stage.time <= START and self._dynamics.shape == "step":
                 stage.put(actor, at_speed(motion, self._wanted(stage)))
             return Match(self._wanted, rates)
         wanted = self._wanted(stage)
+        check_backwards(stage, actor, wanted, self._target)
         ramp = ramp_to(stage.time, motion.speed, wanted, self._dynamics, limits, self.node)
         if ramp.duration <= 0.0:
             stage.put(actor, at_speed(motion, wanted))
@@ -109,9 +110,6 @@ class SpeedProfileAction(Action):
         self._speeds = [one.number("speed", unit="m/s") for one in self._entries]
         self._times = [one.number("time", 0.0, 0.0) if one.has("time") else None for one in self._entries]
         self._other = node.text("entityRef", "")
-        for entry, speed in zip(self._entries, self._speeds, strict=True):
-            if speed < 0.0 and not self._other:
-                raise entry.unsupported("give speeds of 0 or more", f"asks for {speed:g} m/s")
         constraints = node.child("DynamicConstraints")
         self._limits = (
             (math.inf, math.inf)
@@ -130,9 +128,8 @@ class SpeedProfileAction(Action):
         start, speed, ramps = stage.time, stage.motions[actor].speed, []
         for entry, wanted, time in zip(self._entries, self._speeds, self._times, strict=True):
             target = base + wanted
-            if target < 0.0:
-                raise entry.unsupported("give speeds of 0 or more", f"asks for {target:g} m/s")
-            least = abs(target - speed) / (limits[0] if target > speed else limits[1])
+            check_backwards(stage, actor, target, entry)
+            least = abs(target - speed) / (limits[0] if abs(target) > abs(speed) else limits[1])
             duration = least if time is None else time
             if duration < least - 1e-9 and start > START:
                 duration = least
@@ -223,6 +220,16 @@ def at_speed(motion: Motion, speed: float) -> Motion:
     return replace(motion, speed=speed)
 
 
+def check_backwards(world: World, actor: str, speed: float, node: Node) -> None:
+    """Raise where somebody would go backwards who does not: people, two-wheelers, and what is no vehicle."""
+    entity = world.entities[actor]
+    if speed < 0.0 and (entity.kind != "vehicle" or entity.category in _ONLY_FORWARDS):
+        raise node.unsupported(
+            "let it turn round; vehicles on four wheels or more go backwards",
+            f"asks for {speed:g} m/s of '{actor}' ({entity.category})",
+        )
+
+
 def limits_of(world: World, actor: str) -> tuple[float, float]:
     """Return the largest acceleration and deceleration of an entity [m/s2]."""
     entity = world.entities[actor]
@@ -237,9 +244,12 @@ def ramp_to(
     if dynamics.shape == "step" or (dynamics.dimension == "time" and dynamics.value <= 0.0):
         if time <= START or abs(change) < 1e-6:
             return Ramp(time, speed, wanted, "linear", 0.0)
-        return Ramp(time, speed, wanted, "linear", abs(change) / (limits[0] if change > 0.0 else limits[1]))
+        gains = abs(wanted) > abs(speed)
+        return Ramp(time, speed, wanted, "linear", abs(change) / (limits[0] if gains else limits[1]))
     if dynamics.dimension == "distance":
-        total = speed + wanted
+        if speed * wanted < 0.0:
+            raise node.unsupported("give a rate or a time", f"turns from {speed:g} to {wanted:g} m/s over a distance")
+        total = abs(speed + wanted)
         if total <= 0.0:
             return Ramp(time, speed, wanted, dynamics.shape, 0.0)
         return Ramp(time, speed, wanted, dynamics.shape, 2.0 * dynamics.value / total)

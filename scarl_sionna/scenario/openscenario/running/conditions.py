@@ -31,7 +31,10 @@ class Stage(World, Protocol):
 
     time: float
     signals: TrafficSignals
-    clock: Clock | None
+
+    @property
+    def clock(self) -> Clock | None:
+        """The time of day, where it is stated."""
 
     def element_state(self, kind: str, name: str, state: str, node: Node) -> bool:
         """Return whether an element of the storyboard is in a state, or in a transition right now."""
@@ -306,7 +309,7 @@ class _Lasting(Test):
 
 class _StandStill(_Lasting):
     def _is(self, stage: Stage) -> bool:
-        return stage.motion(self.name, self.node).speed < _STANDING
+        return abs(stage.motion(self.name, self.node).speed) < _STANDING
 
 
 class _EndOfRoad(_Lasting):

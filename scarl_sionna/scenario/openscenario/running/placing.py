@@ -183,7 +183,8 @@ class FollowTrajectoryAction(Action):
             raise self.node.error(
                 f"initialDistanceOffset = {self._start:g} m, the trajectory is {line.length:.4g} m long"
             )
-        follow = Follow(line, self._start, None)
+        facing = -1 if motion.speed < 0.0 and self._timing is None else 1
+        follow = Follow(line, self._start, None, facing)
         if self._timing is not None:
             if line.times is None:
                 raise self.node.error("has a <Timing>, and its trajectory has no times", "give the points times")
@@ -197,6 +198,7 @@ class FollowTrajectoryAction(Action):
                 "let the trajectory begin where the entity is",
                 f"begins {away:.3g} m away from '{actor}' at {stage.time:.4g} s; jumps",
             )
+        heading += 0.0 if facing > 0 else math.pi
         stage.put(actor, replace(motion, x=x, y=y, heading=heading, along=start, drift=0.0))
         return follow
 

@@ -82,7 +82,7 @@ class Match(Process):
     def advanced(self, motion: Motion, until: float, world: World) -> tuple[float, float]:
         """Go to the target's speed within the rates."""
         step = until - motion.time
-        wanted = max(self.target(world, step), 0.0)
+        wanted = self.target(world, step)
         change = min(max(wanted - motion.speed, -self.rates[1] * step), self.rates[0] * step)
         return (motion.speed + 0.5 * change) * step, motion.speed + change
 

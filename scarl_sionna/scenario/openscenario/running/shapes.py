@@ -246,10 +246,13 @@ def _neighbours(spans: Array) -> tuple[Array, Array]:
 
 
 class Follow(Process):
-    """Goes along a trajectory: at its own times, or at the speed that the entity has."""
+    """Goes along a trajectory: at its own times, or at the speed that the entity has.
 
-    def __init__(self, line: Line, start: float, law: PPoly | None) -> None:
-        self.line, self.start, self._law = line, start, law
+    Who goes backwards when it begins has its rear ahead (`facing` -1); who changes direction on it goes back along it.
+    """
+
+    def __init__(self, line: Line, start: float, law: PPoly | None, facing: int = 1) -> None:
+        self.line, self.start, self._law, self.facing = line, start, law, facing
         self.domains = frozenset({"lateral"} if law is None else {"longitudinal", "lateral"})
         self.ends_at = math.inf if law is None else float(law.x[-1])
 
@@ -264,7 +267,8 @@ class Follow(Process):
         """Return whether the end of the line is reached."""
         if self._law is not None:
             return motion.time >= self.ends_at - 1e-6
-        return motion.along >= self.line.length - 1e-6
+        is_back = motion.along <= 1e-9 and self.facing * motion.speed < 0.0
+        return is_back or motion.along >= self.line.length - 1e-6
 
     def advanced(self, motion: Motion, until: float, world: World) -> tuple[float, float]:
         """Return way and speed of the times of the line."""

@@ -11,7 +11,7 @@ from scarl_sionna.core.errors import ScenarioError
 from scarl_sionna.scenario.openscenario.reading.entities import Entity
 from scarl_sionna.scenario.openscenario.reading.environment import Clock, Environment, Surroundings
 from scarl_sionna.scenario.openscenario.reading.source import Node
-from scarl_sionna.scenario.openscenario.roads.network import Roads
+from scarl_sionna.scenario.openscenario.roads.network import Roads, Spot
 
 from .actions import START, Action
 from .motion import Motion
@@ -321,6 +321,8 @@ class Simulation:
                 return True
             if any(trigger.stirs(self) for trigger in listening):
                 return True
+            if any(one.speed * motions[name].speed < 0.0 for name, one in self.motions.items()):
+                return True  # it changes its direction
             return any(
                 one.process.ends_at > until + EXACT and one.process.finished(self.motions[one.actor], self)
                 for one in self._running.values()
@@ -350,8 +352,9 @@ class Simulation:
         return self._on_lane(name, motion, None if side is None else side.process, gone)
 
     def _on_line(self, motion: Motion, follow: Follow, gone: _Gone) -> Motion:
-        along = min(motion.along + gone.way, follow.line.length)
+        along = min(max(motion.along + follow.facing * gone.way, 0.0), follow.line.length)
         x, y, heading = follow.line.at(along)
+        heading += 0.0 if follow.facing > 0 else math.pi
         place = placed(self.roads, x, y, heading, near=motion.spot)
         return Motion(
             gone.until,
@@ -360,7 +363,7 @@ class Simulation:
             heading,
             gone.speed,
             gone.pull,
-            motion.travelled + gone.way,
+            motion.travelled + abs(gone.way),
             place.spot,
             place.left,
             0.0,
@@ -373,7 +376,7 @@ class Simulation:
 
     def _on_lane(self, name: str, motion: Motion, side: Process | None, gone: _Gone) -> Motion:
         until, way, speed, pull = gone
-        travelled = motion.travelled + way
+        travelled = motion.travelled + abs(way)
         if self.roads is None or motion.spot is None:
             x, y = motion.x + way * math.cos(motion.heading), motion.y + way * math.sin(motion.heading)
             return replace(motion, time=until, x=x, y=y, speed=speed, acceleration=pull, travelled=travelled)
@@ -383,21 +386,30 @@ class Simulation:
             left = side.left(motion, until, travelled, self)
         drift = (left - motion.left) / step if step > 1e-9 else motion.drift
         if beyond > 0.0:
-            beyond += way
-        elif way > 0.0:
+            beyond += abs(way)
+        elif way != 0.0:
             mean = 0.5 * (left + motion.left)
-            spot, moved, beyond = self.roads.move(motion.spot, way, mean, self.routes.get(name, ()))
+            spot, moved, beyond = self._gone(motion.spot, way, mean, self.routes.get(name, ()))
             left += moved - mean if side is None else 0.0
         t = self.roads.middle(spot) + spot.way * left
         x, y, along = self.roads.point(spot.road, spot.s, t)
         heading = along + (0.0 if spot.way > 0 else math.pi)
-        x, y = x + beyond * math.cos(heading), y + beyond * math.sin(heading)
-        if speed > 0.05:
-            heading += math.atan2(drift, speed)
+        away = math.copysign(beyond, speed)
+        x, y = x + away * math.cos(heading), y + away * math.sin(heading)
+        if abs(speed) > 0.05:
+            heading += math.atan(drift / speed)
         return Motion(
             until, x, y, heading, speed, pull, travelled, spot, left, beyond, 0.0, drift, motion.z, motion.is_present,
             motion.leap,
         )  # fmt: skip # values in their order
+
+    def _gone(self, spot: Spot, way: float, left: float, route: tuple[str, ...]) -> tuple[Spot, float, float]:
+        """Return spot, offset to the left and what is beyond the roads after a way [m], against its heading if < 0."""
+        assert self.roads is not None
+        if way > 0.0:
+            return self.roads.move(spot, way, left, route)
+        found, right, beyond = self.roads.move(replace(spot, way=-spot.way), -way, -left, route)
+        return replace(found, way=-found.way), -right, beyond
 
 
 class _Gone(NamedTuple):

@@ -1,4 +1,4 @@
-"""Signs and traffic lights of a map: masts, heads that show what their group shows at time 0, plates by number."""
+"""Signs and traffic lights of a map: masts, heads that show what their group shows, plates by number."""
 
 from __future__ import annotations
 
