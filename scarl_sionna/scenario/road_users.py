@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,8 +31,9 @@ from .checks.spec import PATH_OF_TRAFFIC, STEP, body_of_entry, moving_of
 from .motion.bodies import BodyLike
 from .motion.motions import MARGIN, Setting
 from .openscenario.actors import actor_name, planned_actors
-from .openscenario.drive import read_drive
+from .openscenario.drive import Drive, read_drive
 from .openscenario.lights import with_signals
+from .openscenario.swarm import swarm_actors
 from .randomize import draw_look
 from .spec.actors import TrafficSpec
 from .spec.light import name_error
@@ -131,6 +133,7 @@ def _planned(
         _check_overlap(spec, traffic, (0.0, drive.run.stop), setting)
         found = planned_actors(drive, span)
         taken = {None if one is None else actor_name(one) for one in taken | ({drive.hero} if HOST in taken else set())}
+        found += _swarms(spec, drive, found, setting)
     elif source == "osi":
         start, stop, host = about_trace(file)
         _check_overlap(spec, traffic, (start, stop), setting)
@@ -146,6 +149,25 @@ def _planned(
         reader = read_fcd if source == "fcd" else read_commonroad
         found = reader(file, span=span, ground=setting.network)
     return [actor for actor in found if actor.name not in taken]
+
+
+def _swarms(
+    spec: ScenarioSpec,
+    drive: Drive,
+    entities: Sequence[PlannedActor],
+    setting: Setting,
+) -> list[PlannedActor]:
+    """Return the vehicles of the swarms of a storyboard, which follow its entities and each other."""
+    found: list[PlannedActor] = []
+    known: dict[str, tuple[Trajectory, BodyLike]] = {one.name: (one.trajectory, one.body) for one in entities}
+    for number, (start, swarm) in enumerate(drive.run.swarms):
+        if setting.network is None or actor_name(swarm.central) not in known:
+            raise swarm.node.error("needs a map with lanes, and a central entity that has a model")
+        others = {**known, **{one.name: (one.trajectory, one.body) for one in found}}
+        span, seed = (setting.first, setting.last + MARGIN), traffic_seed(spec) + number
+        central = replace(swarm, central=actor_name(swarm.central))
+        found += swarm_actors(central, start, setting.network, span, others, seed, f"swarm{number or ''}")
+    return found
 
 
 def _driven_by(spec: ScenarioSpec, file: Path) -> set[str | None]:

@@ -21,7 +21,7 @@ from scarl_sionna.scenario.traffic.planned import PlannedActor
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
 from .drive import Drive, read_drive
-from .reading.entities import Entity
+from .reading.entities import MODELS, Entity
 from .running.motion import Motion
 from .turning import goes_back, sharpest, smooth_turning
 
@@ -30,12 +30,6 @@ HOST = "ego"
 """Name of the ego vehicle where motion is taken by name."""
 KNOT_TIME = 0.1
 """Time between the knots of the way [s]: a run is free of noise, and its accelerations may change in steps."""
-_MODELS: Mapping[str, tuple[str, ...]] = {
-    "car": ("small_car", "saloon", "estate", "suv", "pickup"), "van": ("van",),
-    "truck": ("box_van", "lorry", "articulated_lorry"), "bus": ("bus", "coach"), "tram": ("tram",),
-    "motorbike": ("motorcycle",), "bicycle": ("bicycle",), "standup_scooter": ("scooter",),
-    "standupScooter": ("scooter",), "wheelchair": ("wheelchair",), "animal": ("dog",),
-}  # fmt: skip # a table
 _APART = 1e-3
 _RAMP = 1.0
 """Way over which a kerb is climbed [m]."""
@@ -158,9 +152,9 @@ def model_of(entity: Entity, types: Mapping[str, str] | None = None) -> str | No
             return text
     if entity.category == "pedestrian":
         return person_for(entity.name, f"{entity.name} {entity.label}", entity.box.height)
-    choices = [one for one in _MODELS.get(entity.category, ()) if one in known]
+    choices = [one for one in MODELS.get(entity.category, ()) if one in known]
     if entity.kind == "vehicle" and not choices and entity.category not in ("trailer", "semitrailer", "train", "tram"):
-        choices = [one for one in _MODELS["car"] if one in known]
+        choices = [one for one in MODELS["car"] if one in known]
     if not choices:
         return None
     return min(choices, key=lambda one: _difference(entity, body_of(one)))

@@ -13,6 +13,14 @@ MOST_ENTITIES = 500
 _KINDS = {"Vehicle": "vehicle", "Pedestrian": "pedestrian", "MiscObject": "object"}
 _CATEGORY = {"vehicle": "vehicleCategory", "pedestrian": "pedestrianCategory", "object": "miscObjectCategory"}
 
+MODELS: Mapping[str, tuple[str, ...]] = {
+    "car": ("small_car", "saloon", "estate", "suv", "pickup"), "van": ("van",),
+    "truck": ("box_van", "lorry", "articulated_lorry"), "bus": ("bus", "coach"), "tram": ("tram",),
+    "motorbike": ("motorcycle",), "bicycle": ("bicycle",), "standup_scooter": ("scooter",),
+    "standupScooter": ("scooter",), "wheelchair": ("wheelchair",), "animal": ("dog",),
+}  # fmt: skip # a table
+"""Actor models by category of vehicles."""
+
 
 @dataclass(frozen=True)
 class Box:

@@ -11,6 +11,7 @@ from typing import Protocol
 from scarl_sionna.scenario.openscenario.reading.catalogs import Catalogs
 from scarl_sionna.scenario.openscenario.reading.environment import Environment
 from scarl_sionna.scenario.openscenario.reading.source import Node
+from scarl_sionna.scenario.openscenario.reading.swarms import Swarm
 
 from .distances import Distance
 from .dynamics import Ramp, Transition
@@ -30,6 +31,7 @@ class Stage(World, Protocol):
     time: float
     hero: str | None
     signals: TrafficSignals
+    swarms: list[tuple[float, Swarm]]
 
     def put(self, name: str, motion: Motion) -> None:
         """Replace the present motion of an entity."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from scarl_sionna.scenario.openscenario.reading.catalogs import Catalogs
 from scarl_sionna.scenario.openscenario.reading.environment import read_environment
 from scarl_sionna.scenario.openscenario.reading.source import Node, parameter_name
+from scarl_sionna.scenario.openscenario.reading.swarms import Swarm
 
 from .actions import Action, DistanceAction, SpeedAction, SpeedProfileAction, Stage, SynchronizeAction
 from .placing import (
@@ -20,8 +21,8 @@ from .processes import Process
 
 _REMEDY = {
     "RandomRouteAction": "use an AssignRouteAction",
-    "TrafficAction": "name the vehicles, or write a scenario file whose `traffic` is built in (density), with this "
-    "file's entities as its `actors` by tables",
+    "TrafficAction": "a TrafficSwarmAction is read; or name the vehicles, or write a scenario file whose `traffic` is "
+    "built in (density), with this file's entities as its `actors` by tables",
     "UserDefinedAction": "use actions of the standard",
     "TrailerAction": "let the trailer be an entity of its own",
 }
@@ -102,6 +103,21 @@ class _EnvironmentAction(Action):
     def begin(self, stage: Stage, actor: str) -> Process | None:
         """Let it hold from now on."""
         stage.surround(self._stated)
+        return None
+
+
+class _SwarmAction(Action):
+    """GlobalAction/TrafficAction/TrafficSwarmAction: vehicles round an entity from now on."""
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(node)
+        self._swarm = Swarm.read(node.need("TrafficSwarmAction"))
+
+    def begin(self, stage: Stage, actor: str) -> Process | None:
+        """Let it be there from now on."""
+        if self._swarm.central not in stage.entities:
+            raise self.node.error(f"'{self._swarm.central}' is no entity", f"known: {', '.join(stage.entities)}")
+        stage.swarms.append((stage.time, self._swarm))
         return None
 
 
@@ -199,6 +215,8 @@ def read_global(node: Node, catalogs: Catalogs) -> list[Action]:
             found.append(_EntityAction(one, catalogs))
         elif one.tag == "InfrastructureAction":
             found.append(_SignalAction(one))
+        elif one.tag == "TrafficAction" and one.child("TrafficSwarmAction") is not None:
+            found.append(_SwarmAction(one))
         elif one.tag == "SetMonitorAction":
             found.append(_Nothing(one))
         else:

@@ -11,6 +11,7 @@ from scarl_sionna.core.errors import ScenarioError
 from scarl_sionna.scenario.openscenario.reading.entities import Entity
 from scarl_sionna.scenario.openscenario.reading.environment import Clock, Environment, Surroundings
 from scarl_sionna.scenario.openscenario.reading.source import Node
+from scarl_sionna.scenario.openscenario.reading.swarms import Swarm
 from scarl_sionna.scenario.openscenario.roads.network import Roads, Spot
 
 from .actions import START, Action
@@ -57,6 +58,8 @@ class Run:
         the start.
     signals : dict
         What signals show, by their id: times [s] and the state from then on.
+    swarms : list of (float, Swarm)
+        When each begins [s].
     """
 
     tracks: dict[str, list[Motion]]
@@ -65,6 +68,7 @@ class Run:
     seen: dict[str, list[tuple[float, float]]]
     surroundings: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
     signals: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
+    swarms: list[tuple[float, Swarm]] = field(default_factory=list)
 
 
 class Simulation:
@@ -93,6 +97,7 @@ class Simulation:
         self.routes: dict[str, tuple[str, ...]] = {}
         self.time = 0.0
         self.signals = TrafficSignals()
+        self.swarms: list[tuple[float, Swarm]] = []
         self._surroundings = Surroundings()
         self._environments: list[tuple[float, dict[str, Any]]] = []
         self._noted = 0.0
@@ -243,7 +248,7 @@ class Simulation:
                 stop, reason = self._end_of_run(ended, longest, states)
             if self.time >= stop + AFTER - 1e-9 or states > 2 * MOST_STATES:
                 end = min(stop, self.time)
-                return Run(tracks, end, reason, self._seen, self._environments, self.signals.shown)
+                return Run(tracks, end, reason, self._seen, self._environments, self.signals.shown, self.swarms)
             self._advance()
             if self.clock is not None and self.clock.goes_on and self.time >= self._noted + SUN_STEP:
                 self._note_surroundings(self._noted + SUN_STEP)

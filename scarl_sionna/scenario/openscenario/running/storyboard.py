@@ -26,6 +26,7 @@ GLOBAL = (
     "ParameterAction",
     "VariableAction",
     "EntityAction",
+    "TrafficAction",
     "SetMonitorAction",
 )
 """Actions that nobody in particular does."""
