@@ -69,7 +69,7 @@ class World(Described):
         self.weather = Weather()
         self.lighting = document.lighting
         self._dry = document, materials, document.lighting
-        self._changes = Changes()
+        self._changes: Changes[World] = Changes()
         self.name = document.name
         self.ego = document.ego
         self.parts, self._entries = part_table(document, materials)

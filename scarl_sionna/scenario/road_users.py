@@ -160,13 +160,13 @@ def _swarms(
     """Return the vehicles of the swarms of a storyboard, which follow its entities and each other."""
     found: list[PlannedActor] = []
     known: dict[str, tuple[Trajectory, BodyLike]] = {one.name: (one.trajectory, one.body) for one in entities}
-    for number, (start, swarm) in enumerate(drive.run.swarms):
+    for number, swarm in enumerate(drive.run.swarms):
         if setting.network is None or actor_name(swarm.central) not in known:
             raise swarm.node.error("needs a map with lanes, and a central entity that has a model")
         others = {**known, **{one.name: (one.trajectory, one.body) for one in found}}
         span, seed = (setting.first, setting.last + MARGIN), traffic_seed(spec) + number
         central = replace(swarm, central=actor_name(swarm.central))
-        found += swarm_actors(central, start, setting.network, span, others, seed, f"swarm{number or ''}")
+        found += swarm_actors(central, setting.network, span, others, seed, f"swarm{number or ''}")
     return found
 
 

@@ -294,7 +294,7 @@ def test_its_world_loads_and_all_stand_on_the_ground(name) -> None:
 def test_the_files_in_the_documentation_can_be(tmp_path) -> None:
     page = (REPO / "docs" / "scenarios.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```yaml\n(.*?)```", page, flags=re.DOTALL)
-    assert len(blocks) == 3  # the whole format, and actors by a mesh and by a body
+    assert len(blocks) == 4  # the whole format, actors by a mesh and by a body, and changes
     specs = []
     for number, block in enumerate(blocks):
         (tmp_path / f"{number}.yaml").write_text(block, encoding="utf-8")

@@ -29,7 +29,6 @@ _PACE = 0.5
 
 def swarm_actors(
     swarm: Swarm,
-    start: float,
     network: LaneNetwork,
     span: tuple[float, float],
     others: Mapping[str, tuple[Trajectory, BodyLike]],
@@ -41,8 +40,6 @@ def swarm_actors(
     Parameters
     ----------
     swarm : Swarm
-    start : float
-        When it begins [s].
     network : LaneNetwork
         Of the map.
     span : (float, float)
@@ -56,7 +53,7 @@ def swarm_actors(
     Returns
     -------
     list of PlannedActor
-        All who are within the ellipse at some time from `start` on, for their whole way: nobody appears or vanishes at
+        All who are within the ellipse at some time from its start on, for their whole way: nobody comes or goes at
         its edge. The mean number within it over time is that of the swarm, as near as 10 %, or a few tries, come.
 
     Warns
@@ -65,7 +62,7 @@ def swarm_actors(
         If the lanes have no room for so many.
     """
     central = others[swarm.central][0]
-    times = np.arange(max(start, span[0]), span[1], _PACE)
+    times = np.arange(max(swarm.start, span[0]), span[1], _PACE)
     own = sample_motion(central, np.clip(times, central.start, central.stop))
     middle, heading = own.position[:, :2], own.heading
     inside = sum(_share(lane.points, lane.length, swarm, middle, heading) for lane in network.of_kind("drive"))

@@ -35,6 +35,8 @@ class Swarm:
         How far the middle of the ellipse is ahead of the entity [m].
     mix : mapping of str to float, or None
         Shares of the actor models; None: those of the built-in traffic.
+    start : float
+        When it begins [s].
     """
 
     node: Node
@@ -44,6 +46,7 @@ class Swarm:
     axes: tuple[float, float]
     offset: float
     mix: Mapping[str, float] | None
+    start: float = 0.0
 
     @classmethod
     def read(cls, node: Node) -> Swarm:

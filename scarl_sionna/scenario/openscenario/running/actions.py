@@ -31,7 +31,7 @@ class Stage(World, Protocol):
     time: float
     hero: str | None
     signals: TrafficSignals
-    swarms: list[tuple[float, Swarm]]
+    swarms: list[Swarm]
 
     def put(self, name: str, motion: Motion) -> None:
         """Replace the present motion of an entity."""

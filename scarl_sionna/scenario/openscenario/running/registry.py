@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from scarl_sionna.scenario.openscenario.reading.catalogs import Catalogs
 from scarl_sionna.scenario.openscenario.reading.environment import read_environment
 from scarl_sionna.scenario.openscenario.reading.source import Node, parameter_name
@@ -117,7 +119,7 @@ class _SwarmAction(Action):
         """Let it be there from now on."""
         if self._swarm.central not in stage.entities:
             raise self.node.error(f"'{self._swarm.central}' is no entity", f"known: {', '.join(stage.entities)}")
-        stage.swarms.append((stage.time, self._swarm))
+        stage.swarms.append(replace(self._swarm, start=stage.time))
         return None
 
 

@@ -58,8 +58,7 @@ class Run:
         the start.
     signals : dict
         What signals show, by their id: times [s] and the state from then on.
-    swarms : list of (float, Swarm)
-        When each begins [s].
+    swarms : list of Swarm
     """
 
     tracks: dict[str, list[Motion]]
@@ -68,7 +67,7 @@ class Run:
     seen: dict[str, list[tuple[float, float]]]
     surroundings: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
     signals: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
-    swarms: list[tuple[float, Swarm]] = field(default_factory=list)
+    swarms: list[Swarm] = field(default_factory=list)
 
 
 class Simulation:
@@ -97,7 +96,7 @@ class Simulation:
         self.routes: dict[str, tuple[str, ...]] = {}
         self.time = 0.0
         self.signals = TrafficSignals()
-        self.swarms: list[tuple[float, Swarm]] = []
+        self.swarms: list[Swarm] = []
         self._surroundings = Surroundings()
         self._environments: list[tuple[float, dict[str, Any]]] = []
         self._noted = 0.0
