@@ -1,12 +1,14 @@
 """RCS of people, cyclists, cars and lorries over aspect and gait, beside what was measured at 76 to 81 GHz.
 
-python benchmarks/measured_rcs.py measure [--only adult_man ...]   writes docs/figures/data/measured_rcs.json, 12 min
+python benchmarks/measured_rcs.py measure [--only adult_man ...]   writes docs/figures/data/measured_rcs.json, 20 CPU min
 python benchmarks/measured_rcs.py table                            the tables of docs/actors.md
 python benchmarks/measured_rcs.py figures                          docs/figures/rcs_people.webp, rcs_road_users.webp
 
 People are looked at as in the JRC's measurement: 3.4 m away, the antenna 0.8 m high, VV, mean over azimuth and band, by
-`sbr` in an empty world; all 32 stand and walk at the light level, four models stand in detail. Two-wheelers at 10 m,
-vehicles in the far field (`ss.rcs`) from slightly below the middle.
+`sbr` in an empty world. Each has 16 looks, one in each equal sector of azimuth, at directions of its own, so that the
+mean of a group does not hang on the same few: the 32 stand in 8 and walk in 8, at the light level; four models stand in
+16, in detail and light. Two-wheelers at 10 m, vehicles in the far field (`ss.rcs`) from slightly below the middle, both
+over 72 azimuths.
 """
 
 from __future__ import annotations
@@ -55,6 +57,8 @@ BELGIOVANE += (((150.0, 180.0), -11.57),)
 """Bicycle with rider [dBsm] by sectors of aspect (Belgiovane and Chen, EuCAP 2016, secondary)."""
 BAND = np.linspace(-1e9, 1e9, 9)
 SPEED = 1.3
+LOOKS = 16
+"""At each of the people."""
 CYCLE = (0.0, 0.25, 0.5, 0.75)
 """Times in the gait, in parts of the two steps that it repeats after."""
 PEOPLE = ("adult_man", "adult_woman", "standing_adult", "child")
@@ -62,9 +66,9 @@ AGES = person_ages()
 FAR_SETTINGS = SbrSettings(ray_spacing=16.0, edge_spacing=8.0, bisections=5)
 
 
-def azimuths(count: int) -> npt.NDArray[np.float64]:
+def azimuths(count: int, seed: int = 77) -> npt.NDArray[np.float64]:
     """Return one azimuth in each of `count` equal sectors [rad]."""
-    return 2.0 * np.pi * (np.arange(count) + np.random.default_rng(77).uniform(size=count)) / count
+    return 2.0 * np.pi * (np.arange(count) + np.random.default_rng(seed).uniform(size=count)) / count
 
 
 def alone(model: str, detail: str, trajectory: Trajectory, folder: Path) -> ss.World:
@@ -106,8 +110,8 @@ def row(model: str, detail: str, method: str, gait: float, phi: npt.NDArray[np.f
 
 
 def people(model: str, folder: Path) -> list[Any]:
-    """Return the runs of a person who stands, over 24 azimuths: in detail, light, and by the class."""
-    phi, rows = azimuths(24), []
+    """Return the runs of a person who stands: in detail, light, and by the class."""
+    phi, rows = azimuths(LOOKS, 100 + PEOPLE.index(model)), []
     for method, detail in (("sbr", "detailed"), ("sbr", "light"), ("raycast", "detailed")):
         start = time.process_time()
         world = alone(model, detail, StaticTrajectory(Pose()), folder)
@@ -117,15 +121,16 @@ def people(model: str, folder: Path) -> list[Any]:
 
 
 def of_all_ages(model: str, folder: Path) -> list[Any]:
-    """Return the runs of one of the people, light: standing, 8 azimuths, and walking, one at each time of the gait."""
-    phi, start = azimuths(8), time.process_time()
+    """Return the runs of one of the people, light: standing, and walking, some azimuths at each time of the gait."""
+    seed = 200 + list(AGES).index(model)
+    phi, start = azimuths(LOOKS // 2, seed), time.process_time()
     level = seen(alone(model, "light", StaticTrajectory(Pose()), folder), 0.0, "sbr", 3.4, 0.8, phi)
     rows = [row(model, "light", "sbr", -1.0, phi, level, time.process_time() - start)]
     speed = SPEED * usual_pace(ActorBody.of(ss.read_actor_model(model)))
     walk = WaypointTrajectory([0.0, 10.0], [[0.0, 0.0, 0.0], [10.0 * speed, 0.0, 0.0]])
     world = alone(model, "light", walk, folder)
     period = 1.0 / next(joint for joint in world.actor("it").joints if hasattr(joint, "gait")).gait.cadence(speed)
-    phi = azimuths(len(CYCLE))
+    phi = azimuths(LOOKS // 2, 1000 + seed)
     for number, gait in enumerate(CYCLE):
         own, start = phi[number :: len(CYCLE)], time.process_time()
         level = seen(world, 4.0 + gait * period, "sbr", 3.4, 0.8, own)

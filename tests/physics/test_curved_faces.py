@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import ConvexHull
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ScarlWarning
@@ -16,8 +17,11 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.smooth.surface import mesh_surface
-from scarl_sionna.radar.optics.body.parts import load_body
+from scarl_sionna.radar.optics.body.parts import actor_parts, load_body
 from scarl_sionna.radar.scatterers.compile import compile_scatterers
+from scarl_sionna.scene.materials.fresnel import power_reflectance
+from scarl_sionna.scene.materials.table import builtin_materials
+from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 from tests.oracles import rcs as oracle
 from tests.scenes import Thing, write_scene
 
@@ -56,6 +60,37 @@ def test_a_sphere_of_few_faces_is_round(ball):
     theta, phi = np.linspace(0.2, 2.9, 12), np.linspace(0.1, 6.0, 12)
     level = dbsm(ss.rcs(ball, F77, theta, phi) / (np.pi * 0.15**2))
     assert np.abs(level).max() < BAR_DB
+
+
+def test_a_ball_of_uneven_faces_is_round_where_its_material_is():
+    """pi a^2 times the reflectance: faces as uneven as a simplified mesh has them bend too irregularly to count as a
+    curve, unless the material says that its bodies have no flat faces. Flat ones are 6 dB and more off.
+    """
+    points = np.random.default_rng(1).normal(size=(600, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    faces = ConvexHull(points).simplices
+    a, b, c = points[faces].transpose(1, 0, 2)
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0.0
+    faces[inward] = faces[inward][:, ::-1]
+    ball = trimesh.Trimesh(0.15 * points, faces, process=False)
+    theta, phi = np.linspace(0.4, 2.7, 8), np.linspace(0.1, 6.0, 8)
+    skin = builtin_materials()["clothed_skin"]
+    exact = np.pi * 0.15**2 * power_reflectance(skin, F77, 1.0)[0]
+    level = [dbsm(ss.rcs([(ball, one)], F77, theta, phi) / exact) for one in (skin, skin.with_(rounded=False))]
+    assert np.abs(level[0]).max() < BAR_DB
+    assert np.abs(level[1]).max() > 6.0
+
+
+def test_riders_and_people_have_no_flat_clothes():
+    """The breast of the simplified rider had a flat face of 69 cm2, whose flash carried the cyclist's front."""
+    state = ss.stage("highway_guardrail", [ss.StagedActor("it", "bicycle", StaticTrajectory(Pose()), detail="light")])
+    body = load_body(actor_parts(state, "it")).with_curves(SbrSettings(), 2.0 * np.pi / LAMBDA)
+    assert body.curved is not None
+    corners = body.triangles.corners
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    worn = np.isin(body.part, [k for k, one in enumerate(body.materials) if one.name == "clothed_skin"])
+    flat = worn & ~body.curved.is_curved
+    assert area[flat].sum() < 0.1 * area[worn].sum() and area[flat].max() < 10e-4
 
 
 @pytest.mark.parametrize(

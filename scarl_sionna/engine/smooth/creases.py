@@ -3,7 +3,8 @@
 A mesh does not say whether an edge is one of the body (a box) or only of the drawing (a post of 14 sides). The rule is
 that of curvature: along a curve one bend is followed by others of the same sense and about the same size, while beside
 an edge of the body the faces are flat, or bend otherwise. So an edge is smooth where its bend goes on, on both sides;
-four faces in a row are the least that make a curve.
+four faces in a row are the least that make a curve. Skin and clothes have no flat faces: there every bend is of the
+drawing, however unlike a simplified mesh made it to the next.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ def joined_vertices(corners: Array) -> Index:
     return number.reshape(-1, 3)
 
 
-def curved_surface(corners: Array, crease_angle: float, wider: float) -> tuple[Curved, Mask]:
+def curved_surface(corners: Array, crease_angle: float, wider: float, rounded: bool = False) -> tuple[Curved, Mask]:
     """Return the curved surface for which a mesh of one part stands.
 
     Parameters
@@ -100,6 +101,8 @@ def curved_surface(corners: Array, crease_angle: float, wider: float) -> tuple[C
         Edges that bend by more than this are edges of the body [rad].
     wider : float
         A second such angle, at least as large [rad].
+    rounded : bool
+        Whether all edges that bend by less are smooth, not only those of which the bend goes on.
 
     Returns
     -------
@@ -119,9 +122,9 @@ def curved_surface(corners: Array, crease_angle: float, wider: float) -> tuple[C
     normal, weighted = _normals(corners)
     edges = _edges(joined_vertices(corners), normal, corners)
     soft = edges.take(np.abs(edges.bend) < crease_angle)
-    smooth = _smooth(soft, corners, normal, weighted)
+    smooth = np.abs(soft.bend) > FLAT if rounded else _smooth(soft, corners, normal, weighted)
     other = np.zeros(len(corners), dtype=np.bool_)
-    if len(soft.bend) < np.count_nonzero(np.abs(edges.bend) < wider):
+    if not rounded and len(soft.bend) < np.count_nonzero(np.abs(edges.bend) < wider):
         softer = edges.take(np.abs(edges.bend) < wider)
         other[softer.face[_smooth(softer, corners, normal, weighted)]] = True
     return _with_normals(soft, smooth, normal, weighted, crease_angle), other

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
@@ -80,7 +81,7 @@ class Surface:
             own[rows] = column
 
 
-def mesh_surface(corners: Array, part: Index, crease_angle: float) -> Surface | None:
+def mesh_surface(corners: Array, part: Index, crease_angle: float, rounded: Collection[int] = ()) -> Surface | None:
     """Return the curved surface behind a mesh, None where all of it is flat and nothing is coarse.
 
     Parameters
@@ -91,6 +92,8 @@ def mesh_surface(corners: Array, part: Index, crease_angle: float) -> Surface | 
         A surface does not go on from one part to another.
     crease_angle : float
         Edges that bend by more than this are edges of the body [rad].
+    rounded : collection of int
+        Parts that are curved everywhere: all their other edges are of the drawing.
     """
     surface = Surface.flat(len(corners))
     side = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -99,13 +102,13 @@ def mesh_surface(corners: Array, part: Index, crease_angle: float) -> Surface | 
     for own in np.split(order, np.flatnonzero(np.diff(part[order])) + 1):
         rows = own[sound[own]]
         if len(rows) >= FEWEST_FACES:
-            surface.put(rows, _part_surface(corners[rows], crease_angle))
+            surface.put(rows, _part_surface(corners[rows], crease_angle, int(part[rows[0]]) in rounded))
     return surface if surface.height.any() or surface.coarse.any() else None
 
 
-def _part_surface(corners: Array, crease_angle: float) -> Surface:
+def _part_surface(corners: Array, crease_angle: float, rounded: bool) -> Surface:
     surface = Surface.flat(len(corners))
-    found, wider = curved_surface(corners, crease_angle, max(COARSE, crease_angle))
+    found, wider = curved_surface(corners, crease_angle, max(COARSE, crease_angle), rounded)
     surface.coarse[:] = wider & ~found.faces
     if found.faces.any():
         surface.lift[:] = edge_lifts(corners, found.normal, found.faces)
@@ -162,20 +165,22 @@ def state_surface(state: WorldState, crease_angle: float, parts: Index) -> Surfa
         Rows of the part table that are looked at, each once for a world, those that bend for each state; the rest
         counts as flat.
     """
-    triangles = state.world._triangles
+    triangles, table = state.world._triangles, state.world.parts
     known = _known.setdefault(state.world, {})
     result = Surface.flat(len(triangles.corners))
     for part in parts.tolist():
         rows = slice(int(triangles.first[part]), int(triangles.first[part + 1]))
+        rounded = (0,) if state.world.materials[table.material[part]].rounded else ()
         if part in state._bent:
             corners = state._triangles.corners[rows]
-            bent = mesh_surface(corners, np.zeros(len(corners), dtype=np.int64), crease_angle)
+            bent = mesh_surface(corners, np.zeros(len(corners), dtype=np.int64), crease_angle, rounded)
             if bent is not None:
                 result.put(rows, bent)
             continue
         if (part, crease_angle) not in known:
             corners = triangles.corners[rows]
-            known[part, crease_angle] = mesh_surface(corners, np.zeros(len(corners), dtype=np.int64), crease_angle)
+            whole = np.zeros(len(corners), dtype=np.int64)
+            known[part, crease_angle] = mesh_surface(corners, whole, crease_angle, rounded)
         surface = known[part, crease_angle]
         if surface is not None:
             result.put(rows, surface)

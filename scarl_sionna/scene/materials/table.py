@@ -85,6 +85,11 @@ class RadioMaterial(Spec):
         "rough surface",
     )
     xpd_coefficient: float = Field(0.0, ge=0.0, le=1.0, description="fraction of the diffuse power that is cross-polar")
+    rounded: bool = Field(
+        False,
+        description="whether bodies of it are curved everywhere, as skin and clothes are: edges of their meshes that "
+        "bend by less than crease_angle_deg are of the drawing",
+    )
     lidar_reflectance: float = Field(0.3, ge=0.0, le=1.0, description="diffuse, at 1550 nm; a scene may state its own")
     lidar_transmittance: float = Field(0.0, ge=0.0, le=1.0, description="of a pane, at 1550 nm and normal incidence")
     frequency_range: tuple[Hertz, Hertz] = Field((76e9, 81e9), description="valid between [Hz]")

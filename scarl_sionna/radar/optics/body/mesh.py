@@ -22,6 +22,7 @@ from scarl_sionna.engine.rays.face_rays import MeshRays, center_and_radius
 from scarl_sionna.engine.rays.geometry import Triangles
 from scarl_sionna.engine.smooth.surface import Surface, mesh_surface
 from scarl_sionna.radar.optics.faces.curved import CurvedFaces
+from scarl_sionna.scene.materials.table import RadioMaterial, builtin_materials
 
 Array = npt.NDArray[np.float64]
 
@@ -91,7 +92,7 @@ class Body:
             return self
         known = _surfaces.setdefault(self, {})
         if crease not in known:
-            surface = known[crease] = mesh_surface(self.triangles.corners, self.part, crease)
+            surface = known[crease] = mesh_surface(self.triangles.corners, self.part, crease, self.rounded)
             if surface is not None and surface.coarse_share(self.triangles.corners) > MOSTLY_COARSE:
                 warnings.warn(
                     f"{int(surface.coarse.sum())} of {len(self.part)} faces of the mesh bend by more than "
@@ -154,6 +155,13 @@ class Body:
         with variant.radio() as mi:
             rays = MeshRays(mi, triangles.corners)
         return cls(triangles, plane, outward, free, int((~kept).sum()), rays, of_part, materials)
+
+    @property
+    def rounded(self) -> frozenset[int]:
+        """Numbers of the parts whose own materials are those of bodies that are curved everywhere."""
+        table = builtin_materials()
+        named = [table.get(one) if isinstance(one, str) else one for one in self.materials]
+        return frozenset(number for number, one in enumerate(named) if isinstance(one, RadioMaterial) and one.rounded)
 
     @property
     def size(self) -> float:
