@@ -1,14 +1,14 @@
 """RCS of people, cyclists, cars and lorries over aspect and gait, beside what was measured at 76 to 81 GHz.
 
-python benchmarks/measured_rcs.py measure [--only adult_man ...]   writes docs/figures/data/measured_rcs.json, 20 CPU min
+python benchmarks/measured_rcs.py measure [--only adult_man ...]   writes docs/figures/data/measured_rcs.json, 16 min
 python benchmarks/measured_rcs.py table                            the tables of docs/actors.md
 python benchmarks/measured_rcs.py figures                          docs/figures/rcs_people.webp, rcs_road_users.webp
 
 People are looked at as in the JRC's measurement: 3.4 m away, the antenna 0.8 m high, VV, mean over azimuth and band, by
 `sbr` in an empty world. Each has 16 looks, one in each equal sector of azimuth, at directions of its own, so that the
 mean of a group does not hang on the same few: the 32 stand in 8 and walk in 8, at the light level; four models stand in
-16, in detail and light. Two-wheelers at 10 m, vehicles in the far field (`ss.rcs`) from slightly below the middle, both
-over 72 azimuths.
+16, in detail and light. The bicycle at 10 m over 36 azimuths, vehicles in the far field (`ss.rcs`) from slightly below
+the middle over 72.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def of_all_ages(model: str, folder: Path) -> list[Any]:
 
 def cyclist(model: str, folder: Path) -> list[Any]:
     """Return the runs of a two-wheeler with its rider, 10 m away."""
-    phi, rows = azimuths(72), []
+    phi, rows = azimuths(36), []
     for method in ("sbr", "raycast"):
         start = time.process_time()
         level = seen(alone(model, "light", StaticTrajectory(Pose()), folder), 0.0, method, 10.0, 0.8, phi)

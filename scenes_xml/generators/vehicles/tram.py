@@ -56,27 +56,33 @@ WHEEL_CENTRES = _wheel_centres()
 
 
 def _wheels(fine: bool) -> dict[str, tuple[Mesh, str]]:
-    """Return disks with a tyre of steel; flanges run in the grooves of the rails and are not drawn."""
-    profile = [(0.0, -0.06), (RADIUS, -0.06), (RADIUS, 0.07)]
-    profile += [(0.30, 0.07), (0.29, 0.03), (0.12, 0.04), (0.11, 0.08), (0.0, 0.08)]
-    flat = [(0.0, -0.05), (RADIUS, -0.05), (RADIUS, 0.06), (0.0, 0.06)]
+    """Return dished disks with a tyre of steel; flanges run in the grooves of the rails and are not drawn.
+
+    A flat disk would make a corner reflector with every face across the car, of 30 dBsm at all azimuths between.
+    """
+    profile = [(0.0, -0.08), (0.11, -0.08), (0.13, -0.05), (0.285, -0.02), (0.295, -0.06), (RADIUS, -0.06)]
+    profile += [(RADIUS, 0.07), (0.295, 0.07), (0.285, 0.05), (0.13, 0.02), (0.11, 0.08), (0.0, 0.08)]
+    plain = [(0.0, -0.08), (RADIUS, -0.02), (RADIUS, 0.05), (0.0, 0.0)]
     found: dict[str, tuple[Mesh, str]] = {}
     for name, (x, y, z) in WHEEL_CENTRES.items():
-        disk = outward(revolve(np.array(profile if fine else flat), 20 if fine else 10, "y"))
+        disk = outward(revolve(np.array(profile if fine else plain), 20 if fine else 12, "y"))
         disk = (disk if y > 0.0 else disk.mirrored_y()).moved((x, y, z))
         found[f"wheel_{name}_tyre"] = (disk, "chrome")
     return found
 
 
 def _bogies(fine: bool) -> Mesh:
-    """Return frames, axles and motors of the bogies, and the floor between them."""
-    parts = [box((4.0, 1.6, 0.16), (0.0, 0.0, 0.34))]
+    """Return frames, axles and motors of the bogies, and the floor between them.
+
+    Frames are round, as cast ones are: boxes at right angles would be corner reflectors.
+    """
+    parts = [box((3.4, 1.6, 0.16), (0.0, 0.0, 0.34))]
     for x in BOGIES:
-        parts += [box((2.5, 0.12, 0.16), (x, s * 0.92, 0.42)) for s in (1.0, -1.0)]
-        parts.append(box((0.3, 1.7, 0.14), (x, 0.0, 0.46)))
+        parts += [bar((x - 1.25, s * 0.92, 0.42), (x + 1.25, s * 0.92, 0.42), 0.08, 12) for s in (1.0, -1.0)]
+        parts.append(bar((x, -0.85, 0.46), (x, 0.85, 0.46), 0.08, 12))
         if fine:
             parts += [bar((x + a, -0.74, RADIUS), (x + a, 0.74, RADIUS), 0.07, 8) for a in AXLES]
-            parts += [box((0.5, 0.7, 0.34), (x + 0.55 * a, 0.0, 0.40)) for a in AXLES]
+            parts += [bar((x + 0.55 * a, -0.35, 0.40), (x + 0.55 * a, 0.35, 0.40), 0.17, 14) for a in AXLES]
     return merge(parts)
 
 
