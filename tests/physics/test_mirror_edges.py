@@ -1,4 +1,7 @@
-"""Where a mirror ends: tubes are cut along its edge, so the size of the patches decides nothing."""
+"""Where a mirror ends: tubes are cut along its edge, so the size of the patches decides nothing.
+
+With sharp ends (`end_reach` 0) that is image theory; what Fresnel's integral makes of them stands in test_mirror_ends.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
@@ -20,7 +24,7 @@ POSE = Pose([0.0, 0.0, 0.6])
 def solve(state, max_phase: float):
     knobs = SbrSettings(max_phase=max_phase, max_depth=1, floor_db=None)
     plan = ChannelPlan((Share("sbr", ("post",), knobs, through_mirrors=True),), ("road",), echoes=False)
-    return solve_paths(state, RADAR, POSE, "hybrid", plan=plan)
+    return solve_paths(state, RADAR, POSE, "hybrid", plan=plan, mirrors=MirrorSettings(end_reach=0.0))
 
 
 def lowest(paths) -> float:

@@ -1,6 +1,7 @@
 """Several mirror faces of one instance.
 
-Each echo over each face is there once, as if the faces were instances of their own.
+Each echo over each face is there once, as if the faces were instances of their own. The ends of the faces are sharp
+here (`end_reach` 0), as those of image theory.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
@@ -67,7 +69,7 @@ def points(centers) -> Share:
 
 def solve(state, share, names, **options):
     plan = ChannelPlan((share,), tuple(names), **{"echoes": False, **options})
-    return solve_paths(state, RADAR, POSE, "hybrid", plan=plan)
+    return solve_paths(state, RADAR, POSE, "hybrid", plan=plan, mirrors=MirrorSettings(end_reach=0.0))
 
 
 def lengths(paths):

@@ -31,6 +31,13 @@ class MirrorSettings(Spec):
         le=0.1,
         description="what lies this near to a mirror's plane, such as a road marking, belongs to it [m]; not charted",
     )
+    end_reach: float = Field(
+        4.0,
+        ge=0.0,
+        le=20.0,
+        description="number of Fresnel units within which a mirror's free edges count: at one a reflection has half of "
+        "its field, beyond it falls off smoothly; 0: mirrors end sharply; docs/accuracy.md, ends of mirrors",
+    )
 
 
 DEFAULT_MIRRORS = MirrorSettings()

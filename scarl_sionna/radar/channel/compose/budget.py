@@ -148,8 +148,12 @@ def world_from_box(state: WorldState, info: InstanceInfo) -> Pose:
     return info.frame_from_box if info.actor is None else state.actor_pose(info.actor).compose(info.frame_from_box)
 
 
+BOX_POINTS = 9
+"""Points of :func:`box_points`: of each instance, by definition."""
+
+
 def box_points(state: WorldState, number: int) -> Array:
-    """Return the corners and the middle of an instance's box, shape (9, 3) [m, world]."""
+    """Return the corners and the middle of an instance's box, shape (`BOX_POINTS`, 3) [m, world]."""
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)] + [(0, 0, 0)]) / 2.0
     info = state.world.instances[number]
     return world_from_box(state, info).apply(signs * info.size)

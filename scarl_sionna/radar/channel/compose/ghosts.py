@@ -28,7 +28,7 @@ from scarl_sionna.radar.paths import RadarPaths, bend_of
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
 
-from .budget import box_points
+from .budget import BOX_POINTS, box_points
 from .mirror_faces import COINCIDENT, NO_MIRROR, inside
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches, ways
@@ -80,7 +80,7 @@ def paths_through_mirrors(
     pose = view.mount.pose
     corners = np.concatenate([box_points(view.state, number) for number in view.owned])
     doubled = _doubled(view.mirrors) if cut else set()  # rays cannot tell which of them they meet
-    open_ways = [way for way in ways(over, depth) if reaches(way, pose.position, corners).any()]
+    open_ways = [way for way in ways(over, depth) if reaches(way, pose.position, corners, view.tail).any()]
     blocks = []
     for there, back in combinations_with_replacement(open_ways, 2):
         if not there and not back:
@@ -124,7 +124,9 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut:
             visible &= view.shows(rows, points) & station.sees(legs[-1].image)
     there, back = legs
     changed: dict[str, Any] = {name: value for name, value in vars(found).items()}
-    changed["a"] = np.einsum("pki,pkl,plj->pij", back.jones, found.a, there.jones)
+    weight = there.weight * back.weight
+    visible &= weight != 0.0
+    changed["a"] = np.einsum("pki,pkl,plj->pij", back.jones, found.a, there.jones) * weight[:, None, None]
     changed |= {
         "tx_point": there.image,
         "rx_point": back.image,
@@ -143,7 +145,7 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut:
         "rx_twist": view.mount.twist,
     }
     result = RadarPaths(**changed)
-    return result if cut else result.select(visible)
+    return result if visible.all() else result.select(visible)
 
 
 def _chained(
@@ -251,10 +253,11 @@ class Meshes:
         lit : sequence of int
             Instances that the images light, of those that scatter.
         """
+        corners = np.concatenate([box_points(view.state, number) for number in lit])
 
         def solve(tx: Image, rx: Image) -> RadarPaths:
-            first = self._viewpoint(view, tx)
-            return solve_between(self.bodies, (first, first if tx is rx else self._viewpoint(view, rx)), lit)
+            first = self._viewpoint(view, tx, corners)
+            return solve_between(self.bodies, (first, first if tx is rx else self._viewpoint(view, rx, corners)), lit)
 
         return solve
 
@@ -263,16 +266,20 @@ class Meshes:
             self._mirror_of_face = _owners(view.state, view.mirrors, view.knobs.thickness)
         return self._mirror_of_face
 
-    def _viewpoint(self, view: MirrorView, image: Image) -> Viewpoint:
-        """Return an image of the radar, which looks through its mirrors: what lies on them hides nothing."""
+    def _viewpoint(self, view: MirrorView, image: Image, corners: Array) -> Viewpoint:
+        """Return an image of the radar, which looks through its mirrors: what lies on them hides nothing.
+
+        `corners` are those of the objects that it lights.
+        """
         axes, window, source = view.mount.pose.rotation, None, view.mount.pose.position
         passing, lift = view.mount.twist.linear, view.knobs.thickness
+        beside = view.strips(image.way[0].number, corners, BOX_POINTS) if len(image.way) == 1 else None
         for mirror in image.way:  # static ones
             axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
             passing = passing - 2.0 * (mirror.normal @ passing) * mirror.normal
             side = np.sign(float(mirror.height(source)))
             faces = self._owner(view) == mirror.number
-            window = Window(side * mirror.normal, side * mirror.offset, faces, lift, source, window)
+            window = Window(side * mirror.normal, side * mirror.offset, faces, lift, source, window, beside)
             source = mirrored((mirror,), source)
         station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
         return replace(station, window=window, axes=axes, passing=passing)

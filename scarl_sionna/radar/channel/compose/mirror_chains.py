@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -11,14 +12,14 @@ import numpy.typing as npt
 from scarl_sionna.engine.paths.tracing import NONE, SPECULAR, TracedPaths
 from scarl_sionna.radar.channel.multipath.columns import joined_columns, mirror_columns
 from scarl_sionna.radar.channel.multipath.images import Chain
-from scarl_sionna.radar.channel.multipath.legs import legs_of
+from scarl_sionna.radar.channel.multipath.legs import Legs, legs_of
 from scarl_sionna.radar.channel.multipath.station import EndPoints, points_beside, station_of
 from scarl_sionna.radar.channel.multipath.visibility import warn_of_hidden_antennas
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.tuned import material_frequency
 
 from .mirror_legs import MirrorView
-from .mirrors import Mirror, Way
+from .mirrors import Mirror, Way, beyond_ends
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -85,7 +86,7 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
     station = station_of(mount, radar)
     ends = np.concatenate([station.position[None], points_beside(state, station.position, "optical")])
     shown: list[Way] = []
-    possible = possible_chains(view.mirrors, station.position, depth, reach)
+    possible = possible_chains(view.mirrors, station.position, depth, reach, view.tail)
     for _, group in groupby(possible, key=len):  # shorter ones come first
         some = list(group)
         rows = np.repeat([[mirror.number for mirror in way] for way in some], len(ends), axis=0)
@@ -100,6 +101,7 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
         material_frequency(radar, radar.carrier_frequency),
     )
     num_hidden = warn_of_hidden_antennas(state, [(legs, station)], wide_arm)
+    legs = _with_ends(view, legs)
     columns = joined_columns([mirror_columns(state, legs, station, station, radar.wavelength)])
     kept = columns.pop("total") < 2.0 * reach
     paths = RadarPaths(
@@ -118,10 +120,27 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
     return paths.select(kept)
 
 
-def possible_chains(mirrors: Sequence[Mirror], position: Array, depth: int, reach: float) -> Iterator[Way]:
+def _with_ends(view: MirrorView, legs: Legs) -> Legs:
+    """Return chains with what the ends of their mirrors leave of them; those of several mirrors have no ends."""
+    rows = np.flatnonzero(legs.depth == 1)
+    if view.ends is None or not len(rows):
+        return legs
+    face = view.state._triangles.first[legs.part[rows, 0]] + legs.face[rows, 0]
+    number = [next(mirror.number for mirror in view.mirrors if one in mirror.faces) for one in face]
+    ways = np.array(number, dtype=np.int64)[:, None]
+    at = view.reflections(ways, np.broadcast_to(view.station.position, (len(rows), 3)))
+    weight = np.ones(len(legs.length), dtype=np.complex128)
+    weight[rows] = view.ends.weight(at)
+    return replace(legs, transfer=legs.transfer * weight[:, None, None]).select(weight != 0.0)
+
+
+def possible_chains(
+    mirrors: Sequence[Mirror], position: Array, depth: int, reach: float, tail: float = 0.0
+) -> Iterator[Way]:
     """Yield the chains from a position back to itself that meet the boxes of their mirrors in the right order.
 
-    They are shorter than twice `reach` [m]; whether the mirrors fill their boxes, and what hides them, is open.
+    They are shorter than twice `reach` [m]; whether the mirrors fill their boxes, and what hides them, is open. `tail`
+    is that of :func:`~.mirrors.beyond_ends`.
     """
     normal = np.array([mirror.normal for mirror in mirrors]).reshape(-1, 3)
     offset = np.array([mirror.offset for mirror in mirrors])
@@ -135,7 +154,9 @@ def possible_chains(mirrors: Sequence[Mirror], position: Array, depth: int, reac
         near = np.flatnonzero((length > 1e-6) & (length < 2.0 * reach))
         chain = Chain(flat[near], ~flat[near], normal[chains[near]], offset[chains[near]])
         points, right = chain.vertices(position, images[near])
-        right &= ((points >= lower[chains[near]]) & (points <= upper[chains[near]])).all(axis=(1, 2))
+        several = chains.shape[1] > 1  # they end sharply
+        beyond = beyond_ends(chain, position, points, position, 0.0 if several else tail)[..., None]
+        right &= ((points >= lower[chains[near]] - beyond) & (points <= upper[chains[near]] + beyond)).all(axis=(1, 2))
         for row in chains[near[right]]:
             yield tuple(mirrors[number] for number in row)
 

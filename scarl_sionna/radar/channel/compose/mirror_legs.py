@@ -14,9 +14,12 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
+from scarl_sionna.radar.channel.multipath.mirror_ends import MirrorEnds, Reflections
 from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.optics.faces.panes import MOST_PANES
+from scarl_sionna.radar.optics.tubes.probes import Strips
 from scarl_sionna.radar.tuned import material_frequency
+from scarl_sionna.scene.tables import RayHits
 
 from .mirror_faces import MirrorFaces
 from .mirrors import Mirror
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
+Flags = npt.NDArray[np.bool_]
 Ways = npt.NDArray[np.int64]
 """Numbers of mirrors in the order from the radar, (num_points, num_mirrors)."""
 
@@ -50,6 +54,8 @@ class Leg:
         Of the image of the radar, by the motion of the radar and of the mirrors [m/s, world].
     image_velocity : ndarray of float64, shape (num_points, 3)
         Of `image` relative to the radar [m/s, world].
+    weight : ndarray of complex128, shape (num_points,)
+        What the ends of the mirrors leave of the field.
     """
 
     image: Array
@@ -57,6 +63,7 @@ class Leg:
     direction: Array
     station_velocity: Array
     image_velocity: Array
+    weight: Complex
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +120,47 @@ class MirrorView:
             np.array([mirror.part for mirror in self.mirrors], dtype=np.int64),
         )
 
+    @cached_property
+    def ends(self) -> MirrorEnds | None:
+        """The ends of the mirrors, or None if they end sharply; ways over several mirrors always do."""
+        if not self.knobs.end_reach or not self.mirrors:
+            return None
+        position, wavelength = self.station.position, self.radar.wavelength
+        return MirrorEnds(self.state, self.mirrors, position, wavelength, self.knobs)
+
+    @property
+    def tail(self) -> float:
+        """How far beyond mirrors' ends reflections go on, in the unit of :func:`~.mirrors.beyond_ends`."""
+        return self.knobs.end_reach * float(np.sqrt(self.radar.wavelength))
+
+    def reflections(self, ways: Ways, points: Array) -> Reflections:
+        """Return where ways over one mirror each, (num_points, 1), are reflected on their way to points."""
+        chain, position = self.chain(ways), self.station.position
+        images = chain.images(points)
+        vertices, _ = chain.vertices(position, images)
+        return self._reflections(ways, vertices, chain.travel(position, images)[:, 0], points)
+
+    def _reflections(self, ways: Ways, vertices: Array, travel: Array, points: Array) -> Reflections:
+        at = vertices[:, 0]
+        inverse = sum(
+            1.0 / np.maximum(np.linalg.norm(end - at, axis=1), _LIFT) for end in (self.station.position, points)
+        )
+        return Reflections(ways[:, 0], at, travel, np.asarray(inverse))
+
+    def strips(self, number: int, points: Array, together: int) -> Strips | None:
+        """Return the strips beside a mirror over which reflections on their way to points may go on.
+
+        `points` are corners of objects, `together` of each, (n, 3) [m, world]; of one behind the mirror the part before
+        it counts.
+        """
+        if self.ends is None:
+            return None
+        normal, offset = self._planes[0][number], self._planes[1][number]
+        side = float(np.sign(self.station.position @ normal - offset))
+        sunk = np.maximum(2.0 * self.knobs.thickness - side * (points @ normal - offset), 0.0)
+        points = points + (side * sunk)[:, None] * normal
+        return self.ends.strips(number, self.reflections(np.full((len(points), 1), number), points), together)
+
     def chain(self, ways: Ways) -> Chain:
         """Return the chains of reflections of ways."""
         flat = np.ones(ways.shape, dtype=np.bool_)
@@ -135,7 +183,7 @@ class MirrorView:
         vertices, right = chain.vertices(self.station.position, chain.images(points))
         return np.asarray(self._open(ways, vertices, points, owner, right))
 
-    def leg(self, ways: Ways, rotation: Array, points: Array, velocities: Array) -> Leg:
+    def leg(self, ways: Ways, rotation: Array, points: Array, velocities: Array, with_ends: bool = True) -> Leg:
         """Return ways to points, whether they are open or not.
 
         Parameters
@@ -149,6 +197,8 @@ class MirrorView:
             the direction in which the wave meets the object first [m, world].
         velocities : ndarray of float64, shape (num_points, 3)
             Of these points [m/s, world].
+        with_ends : bool
+            Whether the ends of mirrors count; all weights are 1 if not.
         """
         state, station = self.state, self.station
         chain, parts = self.chain(ways), self._planes[2][ways]
@@ -173,7 +223,10 @@ class MirrorView:
             normal = chain.normal[:, k]
             velocity -= 2.0 * np.einsum("pi,pi->p", velocity - surface[:, k], normal)[:, None] * normal
         seen = chain.image_velocity(velocities, surface) - station.velocity
-        return Leg(images[:, 0], jones, travel[:, -1], velocity, seen)
+        weight = np.ones(len(points), dtype=np.complex128)
+        if self.ends is not None and with_ends and ways.shape[1] == 1:
+            weight = self.ends.weight(self._reflections(ways, vertices, travel[:, 0], points))
+        return Leg(images[:, 0], jones, travel[:, -1], velocity, seen, weight)
 
     def _open(
         self,
@@ -189,6 +242,7 @@ class MirrorView:
         """
         state, (normals, offsets, _) = self.state, self._planes
         here, seen = np.broadcast_to(self.station.position, points.shape).copy(), right.copy()
+        beside = self.reflections(ways, points) if self.ends is not None and ways.shape[1] == 1 else None
         for k in range(ways.shape[1] + 1):
             rows = np.flatnonzero(seen)
             if len(rows) == 0:
@@ -203,6 +257,8 @@ class MirrorView:
                 hits = state.cast(here[rows], direction)
                 met = np.zeros(len(rows), dtype=bool)
                 met[hits.ray] = self.faces.owner(hits, end[hits.ray]) == mirror[hits.ray]
+                if beside is not None:
+                    met |= self._beside(beside, rows, met, hits, distance)
                 side = np.sign(_dot(here[rows], normals[mirror]) - offsets[mirror])
                 lift = np.full(len(rows), _LIFT)
                 of_hit = mirror[hits.ray]
@@ -214,6 +270,18 @@ class MirrorView:
                 met = ~self._in_the_way(here[rows], direction, distance, own)
             seen[rows] = met & far
         return seen
+
+    def _beside(
+        self, at: Reflections, rows: npt.NDArray[np.int64], met: Flags, hits: RayHits, distance: Array
+    ) -> Flags:
+        """Return which of some rays pass a mirror's end where its reflection goes on, and meet nothing before."""
+        free = ~met & (distance > _LIFT)
+        free[hits.ray[hits.distance < distance[hits.ray] - _LIFT]] = False
+        some = np.flatnonzero(free)
+        found = np.zeros(len(rows), dtype=np.bool_)
+        if self.ends is not None and len(some):
+            found[some] = self.ends.goes_on(at.take(rows[some]))
+        return found
 
     def _in_the_way(
         self, start: Array, direction: Array, distance: Array, owner: npt.NDArray[np.int64] | None

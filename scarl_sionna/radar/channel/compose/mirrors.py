@@ -153,17 +153,51 @@ def mirrored(way: Way, point: Array) -> Array:
     return point
 
 
-def reaches(way: Way, position: Array, points: Array) -> npt.NDArray[np.bool_]:
-    """Return for points (n, 3) whether the way leads from a position to them over the boxes of its mirrors."""
+def reaches(way: Way, position: Array, points: Array, tail: float = 0.0) -> npt.NDArray[np.bool_]:
+    """Return for points (n, 3) whether the way leads from a position to them over the boxes of its mirrors.
+
+    `tail` is that of :func:`beyond_ends`.
+    """
     chain = chain_of(way, len(points))
     images = chain.images(points)
     vertices, right = chain.vertices(position, images)
-    found = np.asarray(right).copy()
+    found, beyond = (
+        np.asarray(right).copy(),
+        beyond_ends(chain, position, vertices, points, tail if len(way) == 1 else 0.0),
+    )
     for k, mirror in enumerate(way):
-        margin = PRESELECTION_MARGIN * mirror.extent
-        lower, upper = mirror.corners.min(axis=0) - margin, mirror.corners.max(axis=0) + margin
-        found &= ((vertices[:, k] >= lower) & (vertices[:, k] <= upper)).all(axis=1)
+        margin = np.maximum(PRESELECTION_MARGIN * mirror.extent, beyond[:, k, None])
+        lower, upper = mirror.corners.min(axis=0), mirror.corners.max(axis=0)
+        found &= ((vertices[:, k] >= lower - margin) & (vertices[:, k] <= upper + margin)).all(axis=1)
     return found
+
+
+def beyond_ends(chain: Chain, start: Array, vertices: Array, end: Array, tail: float) -> Array:
+    """Return how far beyond mirrors' ends reflections may be, shape (num_paths, max_depth) [m].
+
+    Parameters
+    ----------
+    chain : Chain
+        Of mirrors only.
+    start : ndarray of float64, shape (3,)
+    vertices : ndarray of float64, shape (num_paths, max_depth, 3)
+        Where paths are reflected [m].
+    end : ndarray of float64, shape (3,) or (num_paths, 3)
+    tail : float
+        Reach in Fresnel units times the root of the wavelength [m^(1/2)]; 0: not at all.
+    """
+    if not tail:
+        return np.zeros(vertices.shape[:2])
+    shape = (len(vertices), 3)
+    first, last = (np.broadcast_to(point, shape)[:, None] for point in (start, end))
+    stops = np.concatenate([first, vertices, last], axis=1)
+    step = np.diff(stops, axis=1)
+    length = np.maximum(np.linalg.norm(step, axis=2), 1e-9)
+    gone = np.cumsum(length, axis=1)
+    left = np.maximum(gone[:, -1:] - gone[:, :-1], 1e-9)
+    height = np.abs(np.einsum("pki,pki->pk", step[:, :-1], chain.normal))
+    unit = np.sqrt(gone[:, :-1] * left / (2.0 * gone[:, -1:])) * length[:, :-1] / np.maximum(height, 1e-9)
+    return np.asarray(tail * unit)
 
 
 def chain_of(way: Way, count: int) -> Chain:

@@ -93,7 +93,7 @@ def sights(view: MirrorView, numbers: Sequence[int], rules: AutoSettings = DEFAU
                 image = mirrored(way, position)
                 looks += [
                     Look(numbers[k], place, surfaces[k].lit_points(image, rules.num_probes))
-                    for k in np.flatnonzero(_open_to(way, position, boxes)).tolist()
+                    for k in np.flatnonzero(_open_to(way, position, boxes, view.tail)).tolist()
                 ]
         for look, sight in zip(looks, _seen(view, looks, depth), strict=True):
             found[look.number][look.place] = sight
@@ -111,11 +111,11 @@ class Look(NamedTuple):
     """On the faces that the way lights, shape (num_points, 3) [m, world]."""
 
 
-def _open_to(way: Way, position: Array, boxes: Sequence[Array]) -> npt.NDArray[np.bool_]:
+def _open_to(way: Way, position: Array, boxes: Sequence[Array], tail: float) -> npt.NDArray[np.bool_]:
     """Return which boxes, each of as many points, a way may reach."""
     if not way or not boxes:
         return np.ones(len(boxes), dtype=np.bool_)
-    return np.asarray(reaches(way, position, np.concatenate(boxes)).reshape(len(boxes), -1).any(axis=1))
+    return np.asarray(reaches(way, position, np.concatenate(boxes), tail).reshape(len(boxes), -1).any(axis=1))
 
 
 def _seen(view: MirrorView, looks: Sequence[Look], depth: int) -> list[Sight]:
@@ -129,7 +129,7 @@ def _seen(view: MirrorView, looks: Sequence[Look], depth: int) -> list[Sight]:
     ways = np.repeat(place[:, None] - 1, depth, axis=1)
     rows = np.flatnonzero(Viewpoint.of(view.radar, pose, np.zeros(3)).sees(view.chain(ways).images(points)[:, 0]))
     rows = rows[view.shows(ways[rows], points[rows], owner[rows])]
-    leg = view.leg(ways[rows], np.eye(3), points[rows], np.zeros((len(rows), 3)))
+    leg = view.leg(ways[rows], np.eye(3), points[rows], np.zeros((len(rows), 3)), with_ends=False)
     ahead = leg.image - pose.position
     length = np.sqrt(np.einsum("ij,ij->i", ahead, ahead))
     strength = largest_field_gain(view.radar.array, ahead @ pose.rotation) / np.maximum(length, 1e-3)

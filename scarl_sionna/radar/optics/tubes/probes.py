@@ -28,6 +28,10 @@ SAME_DISTANCE = 1e-6
 which a face at grazing incidence makes larger."""
 
 
+BESIDE = -1
+"""Label of points that are seen beside a mirror's end, through no pane."""
+
+
 class Directions(Protocol):
     """Directions of the rays of tubes."""
 
@@ -161,6 +165,28 @@ class ShadowProbe(Probe):
 
 
 @dataclass(frozen=True, eq=False)
+class Strips:
+    """Strips beside free edges of a mirror, in which its reflections go on.
+
+    Attributes
+    ----------
+    corner : ndarray of float64, shape (num_strips, 3)
+        Start of each edge [m].
+    along, out : ndarray of float64, shape (num_strips, 3)
+        Unit vectors.
+    length, beyond, width : ndarray of float64, shape (num_strips,)
+        Of the edge, how far the strip goes on at either end of it, and how wide it is [m].
+    """
+
+    corner: Array
+    along: Array
+    out: Array
+    length: Array
+    beyond: Array
+    width: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Window:
     """The plane through which the image of a station looks: that of the mirror which made it.
 
@@ -180,6 +206,8 @@ class Window:
         it and the mirror hides, too; left out, nothing does.
     earlier : Window, optional
         Through which the source looks, where it is an image.
+    strips : Strips, optional
+        Where the mirror goes on beside its faces, with nothing there that a ray could meet.
     """
 
     normal: Array
@@ -188,6 +216,7 @@ class Window:
     lift: float = 0.0
     source: Array | None = None
     earlier: Window | None = None
+    strips: Strips | None = None
 
     def entry(self, station: Array, points: Array) -> Array:
         """Return where rays from a station (3,) to points (n, 3) begin, shape (n, 3) [m].
@@ -220,7 +249,7 @@ class ScreenedProbe(Probe):
 
     Those of an image begin at its window, since what is before it is not there; points before it are hidden, and so are
     those that are out of its field of view, if it has one. With panes more than 1 stands for a point that is seen
-    through some; `face`, (num_rows,), is that of each tube.
+    through some; `face`, (num_rows,), is that of each tube. `BESIDE` stands for one that is seen beside a mirror's end.
 
     Notes
     -----
@@ -253,6 +282,7 @@ class ScreenedProbe(Probe):
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi = self.rays.dr, self.rays.mi
         apart, hidden, mirror = self._out_of_view(point), mi.Int32(0), None
+        beside, some_beside, strips = mi.Bool(False), mi.Bool(False), None
         for look in self._looks:
             ray = point - look.station
             distance = dr.norm(ray)
@@ -269,13 +299,22 @@ class ScreenedProbe(Probe):
             if mirror is None:
                 hidden = dr.select(low, mi.Int32(0), self._hidden(start, ray, distance - first - near, row))
             else:
-                apart |= ~low & self._misses(start, ray, mirror, ~apart & ~low)
+                if strips is not None:
+                    free = dr.select(beside & ~apart, distance - first - near, 0.0)
+                    apart |= beside & self.rays.blocked(start, ray, free)
+                apart |= ~low & ~beside & self._misses(start, ray, mirror, ~apart & ~low & ~beside)
             if look.behind is not None:
                 begin = dr.select(low, point - STEP_ON * (1.0 + distance) * ray, start)
-                apart |= self._misses(begin, -ray, look.behind, ~apart)
+                missed = self._misses(begin, -ray, look.behind, ~apart)
+                beside, strips = mi.Bool(False), look.strips
+                if strips is not None:
+                    beside = missed & ~low & ~apart & strips.hold(look.station + met * ray)
+                    some_beside |= beside
+                apart |= missed & ~beside
                 if mirror is None and self._face is not None:
                     apart |= low & (dr.gather(mi.UInt32, look.behind, dr.gather(mi.UInt32, self._face, row)) != 0)
             point, mirror = look.station + met * ray, look.behind
+        hidden = dr.select(some_beside & (hidden == 0), mi.Int32(BESIDE), hidden)
         return dr.select(apart, mi.Int32(1), hidden)
 
     def _hidden(self, start: DeviceArray, ray: DeviceArray, before: DeviceArray, row: DeviceArray) -> DeviceArray:
@@ -312,6 +351,7 @@ class _Look:
     offset: DeviceArray | None = None
     lift: DeviceArray | None = None
     behind: DeviceArray | None = None
+    strips: _Strips | None = None
 
     @classmethod
     def of(cls, rays: FaceRays, station: Array, window: Window | None) -> _Look:
@@ -319,11 +359,37 @@ class _Look:
         if window is None:
             return cls(placed)
         behind = None if window.faces is None else rays.index(window.faces.astype(np.uint32))
-        return cls(placed, rays.vector(window.normal), rays.real(window.offset), rays.real(window.lift), behind)
+        strips = None if window.strips is None or not len(window.strips.length) else _Strips(rays, window.strips)
+        return cls(placed, rays.vector(window.normal), rays.real(window.offset), rays.real(window.lift), behind, strips)
 
     def heights(self, dr: ModuleType, point: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the heights of the station and of points over the mirror [m]."""
         return dr.dot(self.normal, self.station) - self.offset, dr.dot(self.normal, point) - self.offset
+
+
+class _Strips:
+    """Strips beside a mirror on the device."""
+
+    def __init__(self, rays: FaceRays, strips: Strips) -> None:
+        self._rays = rays
+        self._count = rays.dr.opaque(rays.mi.UInt32, len(strips.length))
+        self._vectors = [rays.reals(one) for one in (strips.corner, strips.along, strips.out)]
+        self._lengths = [rays.reals(one) for one in (strips.length, strips.beyond, strips.width)]
+
+    def hold(self, point: DeviceArray) -> DeviceArray:
+        """Return which points, in the plane of the mirror, are in one of the strips."""
+        dr, mi, rays = self._rays.dr, self._rays.mi, self._rays
+
+        def step(number: DeviceArray, found: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+            corner, along, out = (dr.gather(rays.Vector, one, number) for one in self._vectors)
+            length, beyond, width = (dr.gather(rays.Real, one, number) for one in self._lengths)
+            place, away = dr.dot(point - corner, along), dr.dot(point - corner, out)
+            inside = (place > -beyond) & (place < length + beyond) & (away > 0.0) & (away < width)
+            return number + 1, found | inside
+
+        state = mi.UInt32(0), dr.zeros(mi.Bool, dr.width(point))
+        count = self._count
+        return dr.while_loop(state, lambda number, found: number < count, step, label="strips beside mirrors")[1]
 
 
 class PlaneProbe(Probe):

@@ -1,0 +1,390 @@
+"""Where flat mirrors end: the outline of each, and which of it are free edges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.settings.mirrors import MirrorSettings
+from scarl_sionna.radar.optics.edges.fresnel_ends import edge_terms, fresnel_axes
+from scarl_sionna.radar.optics.tubes.probes import Strips
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+Index = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+SAME_CORNER = 1e-4
+"""Corners of a mesh this near to each other are one [m]: the rounding of float32 meshes."""
+PIECE = 2.0
+"""Edges are looked at in pieces no longer than this [m]."""
+BESIDE = 0.03
+"""What goes on this far beside an edge goes on at the edge [m]."""
+ABOVE = 0.3
+"""An edge over which something lies within this is no edge that a wave meets [m]."""
+ONE_PLANE = 0.005
+"""Surfaces that bend by less than this at an edge go on [rad]."""
+_TOGETHER = 512
+"""Points that are compared with pieces of outlines together: bounds the memory, changes no result."""
+IN_ONE_PLANE = 2e-3
+"""Mirrors that are this near to the plane of another are in that plane [m]."""
+STEEP = 0.7
+"""What rises from an edge more steeply than this, as a cosine of the normals, goes on in the mirror's image: into a
+corner and back there is no end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Straight pieces of the outlines of mirrors.
+
+    Attributes
+    ----------
+    start, end : ndarray of float64, shape (num_pieces, 3)
+        The mirror is to the left about its normal [m, world].
+    out : ndarray of float64, shape (num_pieces, 3)
+        Unit vectors in the plane, away from the mirror.
+    owner : ndarray of int64, shape (num_pieces,)
+        Number of the mirror.
+    free : ndarray of bool, shape (num_pieces,)
+        Whether nothing goes on there.
+    """
+
+    start: Array
+    end: Array
+    out: Array
+    owner: Index
+    free: Flags
+
+    def take(self, rows: Index | Flags) -> Outline:
+        """Return some pieces."""
+        return Outline(*(column[rows] for column in vars(self).values()))
+
+    @classmethod
+    def joined(cls, blocks: Sequence[Outline]) -> Outline:
+        """Return the pieces of all blocks."""
+        none = cls(*(np.zeros((0, 3)) for _ in range(3)), np.zeros(0, np.int64), np.zeros(0, np.bool_))
+        columns = zip(*(vars(one).values() for one in (none, *blocks)), strict=True)
+        return cls(*(np.concatenate(column) for column in columns))
+
+
+class FlatMirror(Protocol):
+    """A flat region of a mesh: see :class:`~scarl_sionna.radar.channel.compose.mirrors.Mirror`."""
+
+    @property
+    def faces(self) -> Index:
+        """Its triangles."""
+
+    @property
+    def corners(self) -> Array:
+        """Of its triangles, (3 n, 3) [m]."""
+
+    @property
+    def normal(self) -> Array:
+        """Unit normal."""
+
+    @property
+    def offset(self) -> float:
+        """Normal . point [m]."""
+
+
+def outline_of(corners: Array, normal: Array, number: int) -> Outline:
+    """Return the outline of a flat mirror of triangles (n, 3, 3), all of it free.
+
+    Edges of one triangle only are the outline; a triangle that is there twice, as in a sheet of two sides, counts once.
+    """
+    _, vertex = np.unique(np.round(corners.reshape(-1, 3) / SAME_CORNER), axis=0, return_inverse=True)
+    faces, first = np.unique(np.sort(vertex.reshape(-1, 3), axis=1), axis=0, return_index=True)
+    triangles, faces = corners[first], vertex.reshape(-1, 3)[first]
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    _, kind, count = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
+    single = np.flatnonzero(count[kind.ravel()] == 1)
+    face, k = single // 3, single % 3
+    start, end = triangles[face, k], triangles[face, (k + 1) % 3]
+    side = np.cross(end - start, normal)
+    turned = np.einsum("ij,ij->i", side, triangles[face, (k + 2) % 3] - start) > 0.0
+    start, end = (np.where(turned[:, None], *pair) for pair in ((end, start), (start, end)))
+    side[turned] *= -1.0
+    length = np.linalg.norm(side, axis=1)
+    kept = length > SAME_CORNER
+    out = side[kept] / length[kept, None]
+    count = len(out)
+    return Outline(start[kept], end[kept], out, np.full(count, number), np.ones(count, np.bool_))
+
+
+def in_pieces(outline: Outline, longest: float = PIECE) -> Outline:
+    """Return the same outline in pieces of which none is longer than `longest` [m]."""
+    side = outline.end - outline.start
+    count = np.maximum(np.ceil(np.linalg.norm(side, axis=1) / longest), 1.0).astype(np.int64)
+    row = np.repeat(np.arange(len(count)), count)
+    step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    found = outline.take(row)
+    part = side[row] / count[row, None]
+    start = found.start + step[:, None] * part
+    return Outline(start, start + part, found.out, found.owner, found.free)
+
+
+def with_free_edges(
+    state: WorldState, outline: Outline, normal: Array, offset: Array, position: Array, thickness: float
+) -> Outline:
+    """Return an outline that says where nothing goes on.
+
+    Three rays at the middle of each piece tell: beside the edge the plane may go on in another mesh, something steep
+    may rise from it, or the edge may be buried. Things that move count as nothing.
+
+    Parameters
+    ----------
+    state : WorldState
+    outline : Outline
+    normal, offset : ndarray of float64, shape (num_mirrors, 3) and (num_mirrors,)
+        Planes of the mirrors by their numbers.
+    position : ndarray of float64, shape (3,)
+        On the side of the mirrors that counts [m, world].
+    thickness : float
+        What is this near to the plane lies in it [m].
+    """
+    count = len(outline.owner)
+    if not count:
+        return outline
+    above = normal[outline.owner] * np.sign(normal @ position - offset)[outline.owner, None]
+    middle = (outline.start + outline.end) / 2.0
+    lift = 2.0 * thickness
+    starts = [
+        middle + BESIDE * outline.out + lift * above,
+        middle - BESIDE * outline.out + lift * above,
+        middle - BESIDE * outline.out + ABOVE * above,
+    ]
+    hits = state.cast(np.concatenate(starts), np.concatenate([-above, outline.out, -above]))
+    kind, row = hits.ray // count, hits.ray % count
+    facing = np.einsum("ij,ij->i", state._triangles.normal[hits.face], above[row])
+    still = state.world.parts.actor[hits.part] < 0
+    goes_on = (kind == 0) & (hits.distance < lift + thickness) & (np.abs(facing) > np.cos(ONE_PLANE))
+    rises = (kind == 1) & (hits.distance < 2.0 * BESIDE) & (np.abs(facing) < STEEP)
+    buried = (kind == 2) & (hits.distance < ABOVE - thickness)
+    free = np.ones(count, dtype=np.bool_)
+    free[row[still & (goes_on | rises | buried)]] = False
+    return Outline(outline.start, outline.end, outline.out, outline.owner, free)
+
+
+def merged(outline: Outline) -> Outline:
+    """Return an outline in which pieces that go on straight, of one kind, are one."""
+    side = outline.end - outline.start
+    length = np.linalg.norm(side, axis=1)
+    if not len(length):
+        return outline
+    same = (
+        (np.abs(outline.start[1:] - outline.end[:-1]).max(axis=1) < SAME_CORNER)
+        & (np.einsum("ij,ij->i", side[1:], side[:-1]) > (1.0 - 1e-9) * length[1:] * length[:-1])
+        & (outline.owner[1:] == outline.owner[:-1])
+        & (outline.free[1:] == outline.free[:-1])
+    )
+    first = np.flatnonzero(np.concatenate([[True], ~same]))
+    last = np.concatenate([first[1:] - 1, [len(length) - 1]])
+    found = outline.take(first)
+    return Outline(found.start, outline.end[last], found.out, found.owner, found.free)
+
+
+@dataclass(frozen=True, eq=False)
+class Reflections:
+    """Reflections at mirrors.
+
+    Attributes
+    ----------
+    mirror : ndarray of int64, shape (num_points,)
+        Number of each.
+    point : ndarray of float64, shape (num_points, 3)
+        Where it is, on the plane of the mirror [m, world].
+    ray : ndarray of float64, shape (num_points, 3)
+        Unit direction of the wave before or behind it.
+    inverse : ndarray of float64, shape (num_points,)
+        Sum of the inverse distances along the way to both of its ends [1/m].
+    """
+
+    mirror: Index
+    point: Array
+    ray: Array
+    inverse: Array
+
+    def take(self, rows: Index) -> Reflections:
+        """Return some of them."""
+        return Reflections(*(column[rows] for column in vars(self).values()))
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorEnds:
+    """The ends of all mirrors of a solve, and what they do to reflections.
+
+    Attributes
+    ----------
+    state : WorldState
+    mirrors : sequence of FlatMirror
+        Their places are their numbers.
+    position : ndarray of float64, shape (3,)
+        On the side of the mirrors that counts [m, world].
+    wavelength : float
+        [m].
+    knobs : MirrorSettings
+        Its `end_reach`, in Fresnel units, is above 0.
+    """
+
+    state: WorldState
+    mirrors: Sequence[FlatMirror]
+    position: Array
+    wavelength: float
+    knobs: MirrorSettings
+
+    def weight(self, at: Reflections) -> Complex:
+        """Return the field of reflections over that of mirrors without end, shape (num_points,).
+
+        Each point is taken to be on its mirror, or beyond a free edge of it: there its field belongs to the mirror
+        whose edge is the nearest.
+        """
+        found = np.ones(len(at.mirror), dtype=np.complex128)
+        for number, rows, some, near in self._pieces_near(at):
+            if near.free.any():
+                found[rows] = self._weight(number, near, some)
+        return found
+
+    def goes_on(self, at: Reflections) -> Flags:
+        """Return which of some points beside their mirrors are near to a free edge of them, shape (num_points,)."""
+        found = np.zeros(len(at.mirror), dtype=np.bool_)
+        for number, rows, some, pieces in self._pieces_near(at):
+            near = pieces.take(pieces.free & (pieces.owner == number))
+            if len(near.owner):
+                _, height, distance = edge_terms(*self._seen(number, near, some), 0.0)
+                found[rows] = ((height < 0.0) & (distance < self.knobs.end_reach)).any(axis=1)
+        return found
+
+    def strips(self, number: int, at: Reflections, together: int = 1) -> Strips:
+        """Return the strips beside a mirror over which reflections near to some may go on.
+
+        So many points one after the other, `together`, bound those of one object.
+        """
+        pieces = self._outline(number)
+        pieces = pieces.take((pieces.owner == number) & pieces.free)
+        side = pieces.end - pieces.start
+        length = np.linalg.norm(side, axis=1)
+        along = side / length[:, None]
+
+        def bounds(values: Array) -> tuple[Array, Array]:
+            groups = values.reshape(len(values) // together, together, len(length))
+            return groups.min(axis=1), groups.max(axis=1)
+
+        offset = at.point[:, None] - pieces.start
+        away = bounds(np.einsum("nmi,mi->nm", offset, pieces.out))
+        place = bounds(np.einsum("nmi,mi->nm", offset, along))
+        (_, width), (_, beyond) = (bounds(self._metres(number, at, axis)) for axis in (pieces.out, along))
+        near = (away[0] < width) & (away[1] > -width) & (place[1] > -beyond) & (place[0] < length + beyond)
+        used = near.any(axis=0)
+        widest, longest = (np.where(near, column, 0.0).max(axis=0, initial=0.0) for column in (width, beyond))
+        return Strips(*(column[used] for column in (pieces.start, along, pieces.out, length, longest, widest)))
+
+    @cached_property
+    def _normal(self) -> Array:
+        return np.array([mirror.normal for mirror in self.mirrors]).reshape(-1, 3)
+
+    @cached_property
+    def _groups(self) -> Index:
+        """A number for each mirror, the same for those in one plane: together they have all free edges of them."""
+        offset = np.array([mirror.offset for mirror in self.mirrors])
+        found = np.arange(len(self.mirrors))
+        for k, mirror in enumerate(self.mirrors):
+            same = np.abs(self._normal[:k] @ mirror.normal) > 1.0 - ONE_PLANE**2 / 2.0
+            same &= np.abs(self._normal[:k] @ mirror.corners[0] - offset[:k]) < IN_ONE_PLANE
+            if same.any():
+                found[k] = found[np.flatnonzero(same)[0]]
+        return found
+
+    @cached_property
+    def _known(self) -> dict[int, Outline]:
+        return {}
+
+    def _outline(self, number: int) -> Outline:
+        """Return the outline of a mirror, and the free edges of those in its plane."""
+        if number not in self._known:
+            group = np.flatnonzero(self._groups == self._groups[number]).tolist()
+            pieces = self._outlines(group)
+            for one in group:
+                self._known[one] = pieces.take((pieces.owner == one) | pieces.free)
+        return self._known[number]
+
+    def _outlines(self, numbers: Sequence[int]) -> Outline:
+        """Return the outlines of some mirrors; those of a state are found once."""
+        known, thickness = _outlines.setdefault(self.state, {}), self.knobs.thickness
+        offset = np.array([mirror.offset for mirror in self.mirrors])
+        side = np.sign(self._normal @ self.position - offset)
+        keys = {k: (int(self.mirrors[k].faces[0]), float(side[k]), thickness) for k in numbers}
+        missing = [k for k, key in keys.items() if key not in known]
+        if missing:
+            raw = [outline_of(self.mirrors[k].corners.reshape(-1, 3, 3), self._normal[k], k) for k in missing]
+            pieces = in_pieces(Outline.joined(raw))
+            pieces = with_free_edges(self.state, pieces, self._normal, offset, self.position, thickness)
+            for k in missing:
+                known[keys[k]] = merged(pieces.take(pieces.owner == k))
+        found = [known[keys[k]] for k in numbers]
+        return Outline.joined(
+            [replace(one, owner=np.full(len(one.owner), k)) for one, k in zip(found, numbers, strict=True)]
+        )
+
+    def _metres(self, number: int, at: Reflections, axis: Array) -> Array:
+        """Return how far the reach is across straight edges, for each of n points, (n, m) [m].
+
+        `axis`, (m, 3), are unit vectors in the plane across the edges.
+        """
+        normal = self._normal[number]
+        axes = fresnel_axes(normal, at.ray, at.inverse, self.wavelength)
+        edge, onward = (axes @ line.T for line in (np.cross(normal, axis), axis))
+        area = np.abs(edge[:, 0] * onward[:, 1] - edge[:, 1] * onward[:, 0])
+        return np.asarray(self.knobs.end_reach * np.hypot(edge[:, 0], edge[:, 1]) / np.maximum(area, 1e-12))
+
+    def _pieces_near(self, at: Reflections) -> Iterator[tuple[int, Index, Reflections, Outline]]:
+        """Yield reflections at one mirror, some at a time, with the pieces that may be near to them."""
+        for number in np.unique(at.mirror).tolist():
+            outline, own = self._outline(number), np.flatnonzero(at.mirror == number)
+            if not outline.free.any():
+                continue
+            lower, upper = np.minimum(outline.start, outline.end), np.maximum(outline.start, outline.end)
+            for rows in np.array_split(own, -(-len(own) // _TOGETHER)):
+                some = at.take(rows)
+                cosine = np.abs(some.ray @ self._normal[number])
+                unit = 1.0 / (np.sqrt(2.0 * some.inverse / self.wavelength) * np.maximum(cosine, 1e-6))
+                margin = self.knobs.end_reach * float(unit.max(initial=0.0))
+                kept = (lower < some.point.max(axis=0) + margin).all(axis=1)
+                kept &= (upper > some.point.min(axis=0) - margin).all(axis=1)
+                yield number, rows, some, outline.take(kept)
+
+    def _seen(self, number: int, pieces: Outline, at: Reflections) -> tuple[Array, Array]:
+        """Return the ends of m pieces as n reflection points see them in the plane, (n, m, 2) [Fresnel units]."""
+        axes = fresnel_axes(self._normal[number], at.ray, at.inverse, self.wavelength)
+        here = np.einsum("nki,ni->nk", axes, at.point)[..., None]
+        start, end = (np.moveaxis(axes @ points.T - here, 1, 2) for points in (pieces.start, pieces.end))
+        return start, end
+
+    def _weight(self, number: int, near: Outline, at: Reflections) -> Complex:
+        free = near.take(near.free)
+        term, height, distance = edge_terms(*self._seen(number, free, at), self.knobs.end_reach)
+        total = 1.0 - term.sum(axis=1)
+        own = free.owner == number
+        behind = np.flatnonzero((height[:, own] < 0.0).any(axis=1))
+        if not len(behind):
+            return np.asarray(total)
+        some, mine = at.take(behind), near.take(near.owner == number)
+        _, side, away = edge_terms(*self._seen(number, mine, some), 0.0)
+        nearest = (away - 1e-6 * np.abs(side)).argmin(axis=1)  # of two that meet there the one that turns its side
+        line = np.arange(len(behind))
+        beyond = side[line, nearest] < 0.0
+        others = np.where(own, np.inf, distance[behind]).min(axis=1, initial=np.inf)
+        belongs = mine.free[nearest] & (away[line, nearest] <= others)
+        total[behind] = np.where(beyond, np.where(belongs, total[behind] - 1.0, 0.0), total[behind])
+        return np.asarray(total)
+
+
+_outlines: WeakKeyDictionary[WorldState, dict[tuple[int, float, float], Outline]] = WeakKeyDictionary()

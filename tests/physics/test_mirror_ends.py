@@ -1,0 +1,104 @@
+"""Echoes near the end of a mirror: Fresnel's integral against Kirchhoff's, and no jump as things move."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.mirrors import MirrorSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.load import load_scene
+from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
+from tests.oracles.kirchhoff import share_of_half_plane
+from tests.scenes import Thing, ball, box, write_scene
+
+RADAR = RadarSpec(azimuth_fov_deg=160.0, elevation_fov_deg=60.0)
+WALL, END = 3.0, 8.0
+"""Plane y = 3 of the wall, and where it ends along x [m]."""
+BALL = np.array([14.6, 0.5, 0.0])
+KNOBS = SbrSettings(max_phase=2.0, max_depth=1, floor_db=None)
+PLAN = ChannelPlan((Share("sbr", ("ball",), KNOBS, through_mirrors=True),), ("wall",), echoes=False)
+WAY = 2.0 * WALL - BALL[1]
+"""From the radar across the wall to the ball's image [m]."""
+
+
+def world(tmp_path, end: float = END):
+    """Return a wall that ends at x = `end`, and a ball of 5 cm in front of it and farther on."""
+    wall = box((end + 6.0, 0.2, 8.0), ((end - 6.0) / 2.0, WALL + 0.1, 0.0))
+    things = [Thing("wall", wall, "Wall", "steel"), Thing("ball", ball(0.05, BALL, 4), "Static", "steel")]
+    return load_scene(write_scene(tmp_path, things)).at(0.0)
+
+
+def fields(state, ahead: float, end_reach: float, plan: ChannelPlan = PLAN) -> dict[int, complex]:
+    """Return the field of paths by their number of reflections at the wall, from a radar `ahead` metres on."""
+    pose = Pose([ahead, 0.0, 0.0])
+    paths = solve_paths(state, RADAR, pose, "hybrid", plan=plan, mirrors=MirrorSettings(end_reach=end_reach))
+    wave = paths.a[:, 0, 0] * np.exp(-2j * np.pi / RADAR.wavelength * paths.length)
+    count = (paths.instance == 1).sum(axis=1)
+    return {number: complex(wave[count == number].sum()) for number in range(3)}
+
+
+@pytest.fixture(scope="module")
+def ends(tmp_path_factory):
+    """Return the state with the wall that ends, and the same with one that goes on."""
+    return world(tmp_path_factory.mktemp("short")), world(tmp_path_factory.mktemp("long"), END + 8.0)
+
+
+def units_beyond(ahead: float) -> float:
+    """Return how far beyond the wall's end the reflection at it is [Fresnel units]."""
+    across, length = BALL[0] - ahead, float(np.hypot(BALL[0] - ahead, WAY))
+    before = length * WALL / WAY
+    unit = np.sqrt(RADAR.wavelength / 2.0 / (1.0 / before + 1.0 / (length - before))) * length / WAY
+    return float((ahead + across * WALL / WAY - END) / unit)
+
+
+@pytest.mark.parametrize("ahead", [-1.2, 0.05, 0.5, 1.1])
+def test_an_echo_near_the_end_of_a_wall_is_that_of_kirchhoffs_integral(ends, ahead: float) -> None:
+    """From 2.1 Fresnel units on the wall to 2.1 beyond it, one way over it and both; half of the field at its end.
+
+    The ball's own echo is that over the long wall, so only the end is compared. It shines where its normal halves the
+    directions: of both ways over the wall within 1 mm of the line to its middle, of one way 2 cm beside it, where the
+    field is up to 0.05 another. Both ways differ by 0.02 at most, 0.2 dB of the field of the wall.
+    """
+    short, long = fields(ends[0], ahead, 4.0), fields(ends[1], ahead, 0.0)
+    expected = share_of_half_plane((ahead, WALL), (BALL[0], WALL - BALL[1]), END, RADAR.wavelength)
+    assert short[0] == pytest.approx(long[0], rel=1e-9)  # the straight way has no end
+    assert abs(short[1] / long[1] - expected) < 0.05
+    assert abs(short[2] / long[2] - expected**2) < 0.025
+
+
+def test_sharp_ends_are_image_theory(ends) -> None:
+    for ahead, seen in ((-0.4, True), (0.5, False)):
+        short, long = fields(ends[0], ahead, 0.0), fields(ends[1], ahead, 0.0)
+        assert short[2] == (pytest.approx(long[2], rel=1e-6) if seen else 0.0)
+
+
+@pytest.mark.parametrize("beyond", [0.0, 4.0])
+def test_no_jump_where_a_reflection_leaves_the_mirror_or_ends(ends, beyond: float) -> None:
+    """The radar moves on by 5 mm over the wall's end, and over where the reflection is no longer followed.
+
+    Kirchhoff's integral changes by 0.3 dB there; without the weight the first one is 20 dB.
+    """
+    low, high = -1.0, 3.0
+    while high - low > 1e-4:  # the radar's place where the reflection is that far beyond the end
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if units_beyond(middle) < beyond else (low, middle)
+    found = [fields(ends[0], low + step, 4.0) for step in (-0.0025, 0.0025)]
+    straight = abs(found[0][0])
+    levels = [20.0 * np.log10(straight + abs(one[1]) + abs(one[2])) for one in found]
+    assert abs(levels[1] - levels[0]) < 0.3
+    if beyond:
+        assert abs(found[1][1]) < 2e-3 * straight
+
+
+def test_the_wall_itself_fades_beyond_its_end(ends) -> None:
+    """What the radar sees of itself in the wall: half of the field abreast of its end, then less and less."""
+    plan = ChannelPlan((Share("raycast", ()),), ("wall",), chains="images")
+    for ahead in (7.9, END, 8.15):
+        pose = Pose.from_heading([ahead, 0.0, 0.0], np.pi / 2.0)
+        short, long = (solve_paths(state, RADAR, pose, "hybrid", plan=plan) for state in ends)
+        expected = share_of_half_plane((ahead, WALL), (ahead, WALL), END, RADAR.wavelength)
+        assert short.num_paths == long.num_paths == 1
+        assert abs(short.a[0, 0, 0] / long.a[0, 0, 0] - expected) < 4e-3
