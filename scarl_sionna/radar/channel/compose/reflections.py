@@ -44,6 +44,9 @@ class Sight:
 
 
 HIDDEN = Sight(0.0, 0.0, np.inf)
+_NEARER = 0.25
+"""Surfaces may be this much nearer than the points that stand for them [m]: what is left out by mistake jumps, what is
+looked at in vain costs some tubes."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +167,7 @@ def changes(seen: Sequence[Sight], mirrors: Sequence[Mirror], reach: float) -> l
         Straight, then over each mirror.
     mirrors : sequence of Mirror
     reach : float
-        Longer ways do not count [m].
+        Half of the longest length, of a way there and a way back together [m].
 
     Notes
     -----
@@ -179,7 +182,7 @@ def changes(seen: Sequence[Sight], mirrors: Sequence[Mirror], reach: float) -> l
     """
     found, straight = [], seen[0]
     for sight, mirror in zip(seen[1:], mirrors, strict=True):
-        if sight.share == 0.0 or sight.nearest >= reach:
+        if sight.share == 0.0 or (min(straight.nearest, sight.nearest) + sight.nearest) / 2.0 >= reach + _NEARER:
             continue
         rise = np.inf
         if straight.share > 0.0 and straight.field > 0.0:

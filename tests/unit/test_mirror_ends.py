@@ -1,0 +1,101 @@
+"""Which edges of mirrors are ends, and Fresnel's integral over outlines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import fresnel
+
+from scarl_sionna.core.errors import ScarlError
+from scarl_sionna.core.settings.mirrors import MirrorSettings
+from scarl_sionna.engine.load import load_scene
+from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
+from scarl_sionna.radar.channel.multipath.mirror_ends import MirrorEnds, Reflections
+from scarl_sionna.radar.optics.edges.fresnel_ends import beyond_straight_end, edge_terms
+from tests.scenes import Thing, box, plane, write_scene
+
+WAVELENGTH, RADAR = 0.004, np.array([5.0, 0.5, 2.0])
+
+
+def test_over_a_rectangle_it_is_the_product_of_two_fresnel_integrals() -> None:
+    """At random points on it and beside it; what is left is corners 4 units away taken as infinitely far, 2e-3 each."""
+    lower, upper = np.array([-2.0, -1.5]), np.array([3.0, 2.5])
+    outline = np.array([lower, [upper[0], lower[1]], upper, [lower[0], upper[1]]])
+    for point in np.random.default_rng(0).uniform(-4.0, 5.0, (50, 2)):
+        term, _, _ = edge_terms(outline - point, np.roll(outline, -1, axis=0) - point, 100.0)
+        found = float(((lower < point) & (point < upper)).all()) - term.sum()
+        sides = [np.diff(fresnel([low - x, high - x]))[:, 0] for low, high, x in zip(lower, upper, point, strict=True)]
+        expected = np.prod([cosine - 1j * sine for sine, cosine in sides]) / (1.0 - 1j) ** 2
+        assert abs(found - expected) < 4e-3
+
+
+def test_a_straight_end_halves_the_field_and_both_sides_are_one() -> None:
+    assert beyond_straight_end(0.0) == 0.5
+    assert beyond_straight_end(1.3) + beyond_straight_end(-1.3) == pytest.approx(1.0, abs=1e-15)
+    assert abs(beyond_straight_end(5.0)) == pytest.approx(1.0 / (np.sqrt(2.0) * np.pi * 5.0), rel=1e-3)
+
+
+def ends_of(tmp_path, things) -> MirrorEnds:
+    """Return the ends of those mirrors of some things that are at the height 0."""
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    found = find_mirrors(state, list(range(1, 1 + len(things))), RADAR, WAVELENGTH)
+    top = [mirror for mirror in found if np.abs(mirror.corners[:, 2]).max() < 1e-3]
+    return MirrorEnds(state, top, RADAR, WAVELENGTH, MirrorSettings())
+
+
+def free_at(ends: MirrorEnds, point) -> bool:
+    """Return whether a free edge goes through a point of a mirror's outline."""
+    pieces = [ends._outline(number) for number in range(len(ends.mirrors))]
+    for outline in pieces:
+        side = outline.end - outline.start
+        share = np.einsum("ij,ij->i", point - outline.start, side) / np.einsum("ij,ij->i", side, side)
+        near = np.linalg.norm(outline.start + np.clip(share, 0, 1)[:, None] * side - point, axis=1) < 1e-3
+        if (near & outline.free).any():
+            return True
+    return False
+
+
+def test_an_end_is_where_nothing_goes_on(tmp_path) -> None:
+    """A road with a second one beside it, a wall on its side, a kerb of 12 cm down at its end, a block on its start."""
+    things = [
+        Thing("road", box((10.0, 4.0, 0.2), (5.0, 0.0, -0.1)), "Roads", "steel", is_object=False),
+        Thing("beside", box((10.0, 4.0, 0.2), (5.0, -4.0, -0.1)), "Roads", "steel", is_object=False),
+        Thing("wall", box((10.0, 0.2, 3.0), (5.0, 2.1, 1.5)), "Wall", "steel"),
+        Thing("lower", plane(20.0, 20.0, (20.0, 0.0, -0.12)), "Ground", "steel", is_object=False),
+        Thing("block", box((0.5, 4.0, 0.1), (0.2, 0.0, 0.05)), "Static", "steel"),
+    ]
+    ends = ends_of(tmp_path, things)
+    assert free_at(ends, np.array([10.0, 0.3, 0.0]))  # down to the lower ground
+    assert free_at(ends, np.array([4.3, -6.0, 0.0]))  # the outer side of the two roads
+    assert not free_at(ends, np.array([4.3, -2.0, 0.0]))  # the seam of the two roads
+    assert not free_at(ends, np.array([4.3, 2.0, 0.0]))  # the foot of the wall
+    assert not free_at(ends, np.array([0.0, 0.3, 0.0]))  # below the block
+
+
+def test_two_tiles_have_the_ends_of_one(tmp_path) -> None:
+    """Points along the outer side of two roads that touch: the weight does not know the seam, and no tail is twice."""
+    whole = [Thing("road", box((10.0, 4.0, 0.2), (5.0, 0.0, -0.1)), "Roads", "steel", is_object=False)]
+    halves = [
+        Thing(name, box((5.0, 4.0, 0.2), (x, 0.0, -0.1)), "Roads", "steel", is_object=False)
+        for name, x in (("first", 2.5), ("second", 7.5))
+    ]
+    one, two = ends_of(tmp_path / "one", whole), ends_of(tmp_path / "two", halves)
+    point = np.array([(x, y, 0.0) for x in np.linspace(4.03, 6.03, 21) for y in (1.9, 1.97, 2.0, 2.05, 2.12)])
+    ray, inverse = np.tile([0.6, 0.0, -0.8], (len(point), 1)), np.full(len(point), 0.2)
+
+    def weight(ends: MirrorEnds, number: int) -> np.ndarray:
+        return ends.weight(Reflections(np.full(len(point), number), point, ray, inverse))
+
+    expected = weight(one, 0)
+    first = next(k for k, mirror in enumerate(two.mirrors) if mirror.corners[:, 0].min() < 1.0)
+    both = np.array([weight(two, first), weight(two, 1 - first)])
+    on = point[:, 1] <= 2.0
+    owner = np.where(point[:, 0] < 5.0, 0, 1)
+    assert both[owner, np.arange(len(point))][on] == pytest.approx(expected[on], abs=2e-3)
+    assert both[:, ~on].sum(axis=0) == pytest.approx(expected[~on], abs=2e-3)
+    assert (both[:, ~on] == 0.0).any(axis=0).all()
+
+
+def test_a_reach_below_nothing_is_refused() -> None:
+    with pytest.raises(ScarlError, match="end_reach"):
+        MirrorSettings.of(end_reach=-1.0)
