@@ -71,7 +71,8 @@ class Outline:
     @classmethod
     def joined(cls, blocks: Sequence[Outline]) -> Outline:
         """Return the pieces of all blocks."""
-        none = cls(*(np.zeros((0, 3)) for _ in range(3)), np.zeros(0, np.int64), np.zeros(0, np.bool_))
+        points = np.zeros((0, 3))
+        none = cls(points, points, points, np.zeros(0, np.int64), np.zeros(0, np.bool_))
         columns = zip(*(vars(one).values() for one in (none, *blocks)), strict=True)
         return cls(*(np.concatenate(column) for column in columns))
 
@@ -116,8 +117,7 @@ def outline_of(corners: Array, normal: Array, number: int) -> Outline:
     length = np.linalg.norm(side, axis=1)
     kept = length > SAME_CORNER
     out = side[kept] / length[kept, None]
-    count = len(out)
-    return Outline(start[kept], end[kept], out, np.full(count, number), np.ones(count, np.bool_))
+    return Outline(start[kept], end[kept], out, np.full(len(out), number), np.ones(len(out), np.bool_))
 
 
 def in_pieces(outline: Outline, longest: float = PIECE) -> Outline:
