@@ -17,7 +17,7 @@ from ..generators.surfaces import interior, urban
 from ..packing import write_packed
 from . import layout as at
 from . import static
-from .lanes import lanes
+from .lanes import lanes, walkways
 
 NAME = "signalised_crossing"
 DESCRIPTION = (
@@ -44,12 +44,12 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     kit = SceneKit(folder, table, detail, at.SEED + variant)
     kit.materials |= interior.MATERIALS | urban.MATERIALS
     kit.textures |= interior.IMAGES | urban.IMAGES
-    static.add_ground(kit, plan)
+    ground = static.add_ground(kit, plan)
     static.add_markings(kit, plan)
     static.add_houses(kit, plan)
     static.add_signals(kit, plan)
     static.add_furniture(kit, plan)
-    kit.lanes += lanes(plan)
+    kit.lanes += lanes(plan) + walkways(ground)
     kit.signals |= {"cycle": at.CYCLE, "green": at.GREEN}
     _traffic(kit, plan)
     kit.write()

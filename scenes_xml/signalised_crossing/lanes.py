@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..generators.geometry import polygon
 from ..generators.geometry.mesh import Array
+from ..generators.roads.ground import Ground
+from ..generators.roads.walkways import walk_lanes
 from ..generators.scene_toml import Lane
 from . import layout as at
 
@@ -28,7 +31,7 @@ def offsets(is_main: bool) -> tuple[float, ...]:
 
 
 def lanes(plan: at.Layout) -> list[Lane]:
-    """Return all lanes: into the crossing, through it, out of it, and over the zebra crossings."""
+    """Return the lanes of vehicles: into the crossing, through it, and out of it."""
     found, ends, starts = [], {}, {}
     for arm, (heading, is_main) in at.ARMS.items():
         stop, reach = (plan.stop[0], at.REACH[0]) if is_main else (plan.stop[1], at.REACH[1])
@@ -75,17 +78,38 @@ def lanes(plan: at.Layout) -> list[Lane]:
     for (arm, k), line in starts.items():
         left = f"{arm}_out_{k - 1}" if k > 0 else None
         found.append(Lane(f"{arm}_out_{k}", _flat(line), "drive", at.LANE, LIMIT, (), left))
-    for sign, name in ((-1.0, "south"), (1.0, "north")):
-        y = sign * np.mean(at.CROSS_Y)
-        found.append(Lane(f"zebra_{name}", _flat(_line((-at.SIDE, y), (at.SIDE, y))), "walk", 3.0, 1.5))
-    for sign, name in ((-1.0, "west"), (1.0, "east")):
-        x = sign * np.mean(at.CROSS_X)
-        found.append(Lane(f"zebra_{name}", _flat(_line((x, -at.MAIN), (x, at.MAIN))), "walk", 3.0, 1.5))
-    for sign, name in ((-1.0, "right"), (1.0, "left")):
-        for side, a, b in (
-            ("west", -at.REACH[0] + 4.0, -at.SIDE - at.CORNER - 1.0),
-            ("east", at.SIDE + at.CORNER + 1.0, at.REACH[0] - 4.0),
-        ):
-            y = sign * (at.MAIN + 2.9)  # between the shelter, benches and the houses
-            found.append(Lane(f"pavement_{name}_{side}", _flat(_line((a, y), (b, y)), at.KERB), "walk", 0.9, 1.5))
     return found
+
+
+def walkways(ground: Ground) -> list[Lane]:
+    """Return the lanes of people on foot: pavements, round the corners, and over the zebra crossings by their lights.
+
+    Those along the main street are between the shelter, benches and the houses, where two cannot meet.
+    """
+    over_main, over_side = float(np.mean(at.CROSS_X)), float(np.mean(at.CROSS_Y))
+    front, side = at.MAIN + 2.9, at.SIDE + 2.0
+    ways, signals = {}, {}
+    for y, name in ((-1.0, "right"), (1.0, "left")):
+        ways[f"pavement_{name}_west"] = np.array([(-at.REACH[0] + 4.0, y * front), (-over_main, y * front)])
+        ways[f"pavement_{name}_east"] = np.array([(over_main, y * front), (at.REACH[0] - 4.0, y * front)])
+    narrow = set(ways)
+    for x, y, name in (
+        (-1.0, -1.0, "south_west"),
+        (1.0, -1.0, "south_east"),
+        (-1.0, 1.0, "north_west"),
+        (1.0, 1.0, "north_east"),
+    ):
+        bend = polygon.fillet([(over_main, front), (side + 0.15, front - 0.3), (side, over_side)], 1.2, 0.4)
+        ways[f"corner_{name}"] = bend * [x, y]
+        ways[f"side_{name}"] = np.array([(x * side, y * over_side), (x * side, y * (at.REACH[1] - 4.0))])
+        for group, start, kerb in (
+            ("walk_main", (over_main, front), (over_main, at.MAIN)),
+            ("walk_side", (side, over_side), (at.SIDE, over_side)),
+        ):
+            ways[f"{group}_{name}"] = np.array([start, kerb]) * [x, y]
+            signals[f"{group}_{name}"] = group
+    for sign, name in ((-1.0, "south"), (1.0, "north")):
+        ways[f"zebra_{name}"] = np.array([(-at.SIDE, sign * over_side), (at.SIDE, sign * over_side)])
+    for sign, name in ((-1.0, "west"), (1.0, "east")):
+        ways[f"zebra_{name}"] = np.array([(sign * over_main, -at.MAIN), (sign * over_main, at.MAIN)])
+    return walk_lanes(ways, ground, 1.5, signals, narrow)

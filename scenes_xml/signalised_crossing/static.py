@@ -10,6 +10,7 @@ from ..generators.geometry.mesh import Mesh, box, grid, merge
 from ..generators.kit import SceneKit
 from ..generators.plants import vegetation
 from ..generators.plants.planting import street_tree
+from ..generators.roads.ground import Ground
 from ..generators.roadside import bus_stop, furniture, traffic_light
 from ..generators.roadside.garden import gully_grate, manhole_cover
 from . import layout as at
@@ -22,15 +23,17 @@ def _rectangle(x: tuple[float, float], y: tuple[float, float], z: float, tile: f
     return grid(corners, corners[..., :2] / tile)
 
 
-def add_ground(kit: SceneKit, plan: at.Layout) -> None:
-    """Add carriageways, pavements with kerbs, and the ground behind the houses."""
+def add_ground(kit: SceneKit, plan: at.Layout) -> Ground:
+    """Add carriageways, pavements with kerbs, and the ground behind the houses; return what one walks on."""
     rx, ry = at.REACH
-    kit.add("road_main", _rectangle((-rx, rx), (-at.MAIN - 0.1, at.MAIN + 0.1), 0.0, 4.0), "asphalt_street")
+    ground = Ground()
+    main = ground.add(_rectangle((-rx, rx), (-at.MAIN - 0.1, at.MAIN + 0.1), 0.0, 4.0))
+    kit.add("road_main", main, "asphalt_street")
     sides = [
         _rectangle((-at.SIDE - at.CORNER, at.SIDE + at.CORNER), span, 0.0, 4.0)
         for span in ((-ry, -at.MAIN - 0.1), (at.MAIN + 0.1, ry))
     ]
-    kit.add("road_side", merge(sides), "asphalt_street")
+    kit.add("road_side", ground.add(merge(sides)), "asphalt_street")
     kit.instance("road", "Roads", ["road_*"])
     kerbs, tops = [], []
     dropped = np.array([(float(np.mean(at.CROSS_X)), at.MAIN), (at.SIDE, float(np.mean(at.CROSS_Y)))])
@@ -44,12 +47,13 @@ def add_ground(kit: SceneKit, plan: at.Layout) -> None:
             outline = np.vstack([polygon.shifted(turned, side * at.RAMP), [(sx * rx, sy * ry)]])
             kerbs.append(kerb)
             tops += [edge, polygon.sheet(outline, at.KERB, 1.2)]
-    kit.add("kerb_stones", merge(kerbs), "concrete_grey")
-    kit.add("pavement_slabs", merge(tops), "paving")
+    kit.add("kerb_stones", ground.add(merge(kerbs)), "concrete_grey")
+    kit.add("pavement_slabs", ground.add(merge(tops)), "paving")
     kit.instance("pavements", "SideWalks", ["kerb_stones", "pavement_slabs"])
     far = 60.0
     kit.add("ground_far", _rectangle((-rx - far, rx + far), (-ry - far, ry + far), -0.3, 4.0), "asphalt_street")
     kit.instance("ground_far", "Ground", ["ground_far"])
+    return ground
 
 
 def _refined(line: np.ndarray, places: np.ndarray, reach: float = 4.5, step: float = 0.5) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.scenario.motion.bodies import ActorBody
-from scarl_sionna.scenario.motion.paths import SmoothPath
+from scarl_sionna.scenario.motion.paths import LateralShift, SmoothPath
 from scarl_sionna.scenario.motion.routes import smoothing_of
 
 from .lane_changes import Legs, changed_line
@@ -26,6 +26,8 @@ _CRAWL, _STEP = 1.0, 0.5
 """Speed at which any bend is taken, on wheels and on foot [m/s]."""
 _STEPS = 2.0
 """How much farther apart the knots of walkers' paths are than elsewhere: a lane's corner is taken in some steps."""
+_ASIDE = 2.0
+"""Way on which people go aside where one walkway continues a wider one, half of it on each [m]."""
 _SAMPLE = 0.5
 """Distance of the places at which a bend is looked at [m]."""
 _MORE = 12.0
@@ -47,7 +49,7 @@ class RoutePaths:
         key = tuple(route), smoothing_of(body) * (1.0 if body.wheelbase > 0.0 else _STEPS), room
         if key not in self._known:
             tracks = [self._tracks[index] for index in route]
-            path = SmoothPath(line_of(tracks)[0], key[1], (room, room), -tracks[0].right)
+            path = SmoothPath(line_of(tracks)[0], key[1], (room, room), -tracks[0].right, _shifts(tracks))
             self._known[key] = path.of_lanes()
         return self._known[key]
 
@@ -67,6 +69,16 @@ class RoutePaths:
     def lateral(self, track: int, body: ActorBody, fronts: Array, speed: float) -> float:
         """Return the largest lateral acceleration [m/s^2] at a speed [m/s] on fronts (N,) [m] of a track."""
         return float(_PLANNED * (speed / bend_speeds(self.path([track], body), body, fronts).min()) ** 2)
+
+
+def _shifts(tracks: Sequence[Track]) -> list[LateralShift]:
+    """Return how a path keeps farther to the right, or less far, where walkways of other widths follow."""
+    joints = np.cumsum([track.length for track in tracks])
+    return [
+        LateralShift(float(joint) - _ASIDE / 2.0, _ASIDE, one.right - other.right)
+        for joint, one, other in zip(joints, tracks, tracks[1:], strict=False)
+        if one.right != other.right
+    ]
 
 
 def along_line(way: Array, ways: Array, along: Array) -> Array:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from scarl_sionna.scene.lanes import Signals
 
+from . import on_foot
 from .bends import RoutePaths
 from .driver import FIRM_BRAKING, Driver
 from .lane_changes import (
@@ -35,6 +36,8 @@ from .lane_changes import (
 )
 from .tracks import Track, TrackGraph
 
+STEP = 0.1
+"""Step of the car-following model [s]."""
 CRITICAL_HEADWAY = 4.5
 """Time that a vehicle with the right of way must be away for another one to go first [s]."""
 _SETTING_OFF = 1.5
@@ -101,19 +104,20 @@ class Crowd:
     ) -> None:
         self.graph, self.drivers, self.signals, self.obstacles = graph, list(drivers), signals, list(obstacles)
         self.onward, self.paths = onward, paths
-        self.holders: list[dict[int, int]] = [{} for _ in range(graph.num_zones)]
+        self.holders: list[dict[int, int]] = [{} for _ in graph.sides]
         self._on: dict[int, list[tuple[float, float, float, int]]] = {}
+        self._index = 0
         for number, driver in enumerate(self.drivers):
             self._take_present_zones(number, driver)
 
-    def run(self, start_time: float, num_steps: int, step: float) -> None:
-        """Move all drivers, and keep way, speed and acceleration at each instant."""
+    def run(self, start_time: float, num_steps: int) -> None:
+        """Move all drivers by `STEP`, and keep way, speed and acceleration at each instant."""
         self._settle(start_time)
         for index in range(num_steps + 1):
             for driver in self.drivers:
                 driver.history.append((driver.way, driver.speed, driver.pull))
             if index < num_steps:
-                self._step(start_time + index * step, index, step)
+                self._step(start_time + index * STEP, index)
 
     def _settle(self, time: float) -> None:
         """Let all drivers begin at the speed that suits the road, who is ahead, and where they must stop."""
@@ -132,13 +136,13 @@ class Crowd:
             if line is not None:
                 driver.settle(line - 0.5 + driver.gap, 0.0, driver.speed)
 
-    def _step(self, time: float, index: int, step: float) -> None:
+    def _step(self, time: float, index: int) -> None:
         self._place(index)
         for number in range(index % _CONSIDER, len(self.drivers), _CONSIDER):
             self._consider(number, self.drivers[number])
         wishes = [self._wish(number, driver, time) for number, driver in enumerate(self.drivers)]
         for number, (driver, wish) in enumerate(zip(self.drivers, wishes, strict=True)):
-            driver.advance(wish, step)
+            driver.advance(wish, STEP)
             while driver.place < len(driver.route) - 1 and driver.way >= driver.starts[driver.place + 1]:
                 driver.place += 1
             for zone, (_, free_at) in list(driver.held.items()):
@@ -148,7 +152,7 @@ class Crowd:
 
     def _place(self, index: int) -> None:
         """Note who is on which track: (way of the front, length, speed, number), in the order of the ways."""
-        self._on = {}
+        self._on, self._index = {}, index
         for number, driver in enumerate(self.drivers):
             rear = driver.way - driver.body.length
             for place in range(driver.place, -1, -1):
@@ -286,19 +290,21 @@ class Crowd:
         Takes the zones that are free.
         """
         tracks = self.graph.tracks
-        reach = driver.speed**2 / (2.0 * 1.5) + driver.speed + 12.0
+        over = None
+        if driver.body.motion == "walk":
+            over = on_foot.crossing(driver, self.graph)
+            reach = max(on_foot.reach(driver), over[1] if over else 0.0)
+        else:
+            reach = driver.speed**2 / (2.0 * 1.5) + driver.speed + 12.0
         if driver.speed < 0.3:
             self._give_back(number, driver, 0.0, tracks)
         for place in range(driver.place, len(driver.route)):
             track, base = tracks[driver.route[place]], driver.starts[place] - driver.way
             if base > reach:
                 return None
-            end, last_one = base + track.length, place == len(driver.route) - 1
-            at_end = [
-                base + first for _, first, last, _ in track.zones if last > track.length - 2.0 and base + first > -2.0
-            ]
-            line = min([end, *at_end])  # where to wait: before what is shared at the end of the track
-            if not last_one and line >= -0.5 and self._must_wait(driver, track, line, end, time):
+            last_one = place == len(driver.route) - 1
+            line = None if last_one else self._must_wait(driver, track, base, time)
+            if line is not None:
                 return self._give_back(number, driver, line, tracks)
             for zone, first, last, merging in track.zones:
                 if base + last < 0.0 or zone in driver.held or base + first > reach:
@@ -310,18 +316,38 @@ class Crowd:
                 )
                 free_at = driver.way + base + last + (0.0 if merging else driver.body.length)
                 if no_room or not self._take(number, driver, zone, driver.route[place], free_at):
-                    stop = self._give_back(number, driver, base + first, tracks)
+                    line = base + first if over is None or over[0] < 0.0 else min(over[0], base + first)
+                    stop = self._give_back(number, driver, line, tracks)
                     return stop if stop > -3.0 else None
             if last_one and driver.blocked_end:
-                return end
+                return base + track.length
         return None
 
     def _take(self, number: int, driver: Driver, zone: int, track: int, free_at: float) -> bool:
-        if any(side != track for other, side in self.holders[zone].items() if other != number):
+        others = [other for other, side in self.holders[zone].items() if other != number and side != track]
+        if driver.body.motion == "walk" and on_foot.of_vehicles(self.graph, zone):
+            if self._is_due(zone, track, (free_at - driver.way) / driver.top_speed + on_foot.CLEARANCE):
+                return False
+            if all(on_foot.lets_over(self.drivers[other], zone, self.graph.tracks) for other in others):
+                for other in others:
+                    del self.drivers[other].held[zone], self.holders[zone][other]
+                others = []
+        if others:
             return False
         self.holders[zone][number] = track
         driver.held[zone] = (track, free_at)
         return True
+
+    def _is_due(self, zone: int, track: int, within: float) -> bool:
+        """Return whether a body of given motion is on the other track of a zone within some time [s]."""
+        (other,) = (side for side in self.graph.sides[zone] if side != track)
+        first, last = next(span[1:3] for span in self.graph.tracks[other].zones if span[0] == zone)
+        soon = slice(self._index, self._index + math.ceil(within / STEP) + 1)
+        return any(
+            other in places and places[other][0] >= first and places[other][0] - obstacle.length <= last
+            for obstacle in self.obstacles
+            for places in obstacle.places[soon]
+        )
 
     def _give_back(self, number: int, driver: Driver, line: float, tracks: Sequence[Track]) -> float:
         """Give back zones beyond a stop line, and those before it in which the body would stand.
@@ -348,23 +374,30 @@ class Crowd:
             line = min(line, first)
         return line
 
-    def _must_wait(self, driver: Driver, track: Track, line: float, end: float, time: float) -> bool:
-        """Return whether a signal or others' right of way stops a driver at a line before the end of a track [m]."""
-        can_stop = driver.speed**2 / (2.0 * max(line, 0.1)) <= FIRM_BRAKING
+    def _must_wait(self, driver: Driver, track: Track, base: float, time: float) -> float | None:
+        """Return the line before which a signal or others' right of way stops a driver on a track [m], None where not.
+
+        The track begins `base` ahead of the front [m].
+        """
+        end = base + track.length
         if track.signal is not None and self.signals is not None:
+            line = _line_before(track, base, track.length)
             left = self.signals.green_left(track.signal, time)
-            if left <= 0.0 or (left < 3.0 and end / max(driver.speed, 1.0) > left):
-                return can_stop
-        return (
-            bool(track.yield_to)
-            and can_stop
-            and any(self._comes(index, index, time, 0.0, 3) for index in track.yield_to)
-        )
+            is_red = left <= 0.0 or (left < 3.0 and end / max(driver.speed, 1.0) > left)
+            if is_red and line >= -0.5 and _can_stop(driver, line):
+                return line
+        for index in track.yield_to:
+            here, there = _meeting(track, self.graph.tracks[index])
+            line = _line_before(track, base, here)
+            beyond = there - self.graph.tracks[index].length
+            if line >= -0.5 and _can_stop(driver, line) and self._comes(index, index, time, beyond, 3):
+                return line
+        return None
 
     def _comes(self, goal: int, index: int, time: float, base: float, depth: int) -> bool:
-        """Return whether someone on a track gets to its crossing with another within the critical headway.
+        """Return whether someone on a track who is bound for another gets to a place within the critical headway.
 
-        The crossing is `base` [m] before the end of the other track.
+        The place is `base` [m] beyond the end of the track.
         """
         track = self.graph.tracks[index]
         if track.signal is not None and self.signals is not None and not self.signals.is_green(track.signal, time):
@@ -389,6 +422,26 @@ class Crowd:
                 length = 0.0 if merging else driver.body.length
                 if base + first <= 0.0 <= base + last + length:
                     self._take(number, driver, zone, index, driver.way + base + last + length)
+
+
+def _can_stop(driver: Driver, line: float) -> bool:
+    return driver.speed**2 / (2.0 * max(line, 0.1)) <= FIRM_BRAKING
+
+
+def _line_before(track: Track, base: float, place: float) -> float:
+    """Return where to wait for a place on a track: before all that others share next to it, from the front [m]."""
+    shared = [first for _, first, last, _ in track.zones if first < place < last + 2.0 and base + first > -2.0]
+    return base + min([place, *shared])
+
+
+def _meeting(track: Track, other: Track) -> tuple[float, float]:
+    """Return where a track meets one with the right of way: where it begins on the one, and ends on the other [m].
+
+    The ends of both where they share nothing.
+    """
+    theirs = {zone: last for zone, _, last, _ in other.zones}
+    shared = [(first, theirs[zone]) for zone, first, _, _ in track.zones if zone in theirs]
+    return min(shared, default=(track.length, other.length))
 
 
 def fresh(driver: Driver) -> Driver:

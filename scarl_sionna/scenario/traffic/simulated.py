@@ -24,7 +24,7 @@ from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
 from .bends import RoutePaths, along_line
 from .driver import Driver
-from .drivers import PASSES, Crowd, Obstacle, fresh, is_outside, thinned, too_many
+from .drivers import PASSES, STEP, Crowd, Obstacle, fresh, is_outside, thinned, too_many
 from .people import walkers
 from .planned import PlannedActor, draw_variant
 from .separation import without_collisions
@@ -37,8 +37,6 @@ DEFAULT_MIX: Mapping[str, float] = {
     "lorry": 0.04, "bus": 0.015, "coach": 0.005,
 }  # fmt: skip # a table
 """Shares of the models among vehicles."""
-STEP = 0.1
-"""Step of the car-following model [s]."""
 WARM_UP, CHANGING, WAITING = 5.0, 15.0, 30.0
 """Time that is simulated before the first instant, so that gaps and speeds fit together [s]: where vehicles have their
 lane; where they change lanes, so that the fast have found theirs; where they wait, so that queues are there."""
@@ -147,7 +145,7 @@ def simulate_traffic(
     for number in range(1, PASSES + 1):
         before = [fresh(driver) for driver, _ in planner.made]
         drivers = [driver for driver, _ in planner.made]
-        Crowd(graph, drivers, network.signals, obstacles, planner.go_on, planner.paths).run(start, num_steps, STEP)
+        Crowd(graph, drivers, network.signals, obstacles, planner.go_on, planner.paths).run(start, num_steps)
         coming = [is_outside(driver, graph.tracks) for driver in before]
         share = too_many(drivers, coming, graph.tracks, traffic.density * within)
         if share == 0.0 or number == PASSES:

@@ -69,10 +69,10 @@ class Track:
 
 @dataclass(eq=False)
 class TrackGraph:
-    """All tracks of a network; `num_zones` counts the places that two tracks share."""
+    """All tracks of a network; `sides` are the two tracks of each place that tracks share, by its zone."""
 
     tracks: list[Track]
-    num_zones: int = 0
+    sides: list[tuple[int, int]] = field(default_factory=list)
 
     def of_kind(self, kinds: Iterable[str], inside: bool = False) -> list[int]:
         """Return the indices of tracks of some kinds; `inside`: only those in the scene."""
@@ -224,9 +224,12 @@ def _find_zones(graph: TrackGraph, half_width: float, longest: float) -> None:
 
 
 def _reach(track: Track, way: Array, half_width: float, longest: float) -> Array:
-    """Return how far a body reaches to the side of a track [m]: its half width, and more where a long one turns."""
+    """Return how far a body reaches to the side of a track [m].
+
+    Its half width, and more where a long one turns or people keep to the right.
+    """
     if track.kind == "walk":
-        return np.full(len(way), 0.45)
+        return np.full(len(way), 0.45 + track.right)
     if track.kind == "cycle":
         return np.full(len(way), 0.6)
     radius = curve_speed(track.points, track.chord, way) ** 2 / _COMFORTABLE_TURN
@@ -254,6 +257,6 @@ def _add_zones(graph: TrackGraph, ways: list[Array], pair: tuple[int, int], one:
             continue
         merging = bool(set(a.next) & set(b.next)) and span_a[1] > a.length - 1.5 and span_b[1] > b.length - 1.5
         for track, span in ((a, span_a), (b, span_b)):
-            track.zones.append((graph.num_zones, max(span[0] - 0.5, 0.0), min(span[1] + 0.5, track.length), merging))
+            track.zones.append((len(graph.sides), max(span[0] - 0.5, 0.0), min(span[1] + 0.5, track.length), merging))
             track.zones.sort(key=lambda zone: zone[1])
-        graph.num_zones += 1
+        graph.sides.append(pair)
