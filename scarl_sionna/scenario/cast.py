@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from scarl_sionna.scene.motion.trajectory import Trajectory
 
 from .motion.bodies import ActorBody
 from .motion.motions import Setting, trajectory_of
+from .motion.tilt import Springs, on_springs
 from .randomize import Jitter, draw_jitter, draw_look
 from .spec.actors import ActorSpec, BodyFileSpec, EgoSpec, MeshSpec
 from .spec.files import KeyPath
@@ -41,6 +42,13 @@ class Member:
     def body(self) -> ActorBody:
         """Its measures."""
         return ActorBody.of(self.actor.model)
+
+    def on_springs(self) -> Member:
+        """Return the same participant with a body that pitches and rolls, if it has springs."""
+        springs = Springs.of(self.actor.model)
+        if springs is None:
+            return self
+        return replace(self, actor=replace(self.actor, trajectory=on_springs(self.actor.trajectory, springs)))
 
 
 @dataclass(frozen=True, eq=False)

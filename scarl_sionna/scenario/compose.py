@@ -96,6 +96,8 @@ def compose(spec: ScenarioSpec) -> Composition:
     check_times(spec, own, kept)
     check_speeds(spec, own)
     members = (*own, *traffic_of(spec, own, kept, setting))
+    if spec.springs:
+        members = tuple(member.on_springs() for member in members)
     document = kept
     if members:
         ego = EGO if spec.ego is not None else None

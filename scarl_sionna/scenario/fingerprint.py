@@ -14,7 +14,7 @@ from .randomize import RANGES_FILE
 from .spec.actors import RandomizationSpec
 from .spec.scenario import ScenarioSpec
 
-_SIMPLE = ("variant", "detail", "lighting", "weather", "changes")
+_SIMPLE = ("variant", "detail", "lighting", "weather", "changes", "springs")
 
 
 def fingerprint(composition: Composition) -> dict[str, Any]:

@@ -9,9 +9,10 @@ import pytest
 
 from scarl_sionna.scenario.checks.motion import contacts
 from scarl_sionna.scenario.motion.bodies import ActorBody, body_of
-from scarl_sionna.scenario.motion.paths import LEAN, PathTrajectory
+from scarl_sionna.scenario.motion.paths import PathTrajectory
 from scarl_sionna.scenario.motion.profiles import SpeedProfile
 from scarl_sionna.scenario.motion.routes import vehicle_trajectory
+from scarl_sionna.scenario.motion.tilt import LEAN
 
 BIKE = ActorBody(2.05, 0.95, 1.68, 1.43, -0.715, "cycle")
 
@@ -69,4 +70,4 @@ def test_velocities_are_derivatives_and_the_feet_stay(motion) -> None:
 def test_models_of_two_wheelers_lean(name) -> None:
     body = body_of(name)
     assert (contacts(body)[:, 1] == 0.0).all() and len(contacts(body)) == 2  # two wheels, which stay where they are
-    assert circle(20.0, 6.0, body).lean(3.0)[0][0] == pytest.approx(np.arctan(36.0 / (9.80665 * 20.0)), abs=1e-3)
+    assert -circle(20.0, 6.0, body).tilt(3.0).roll[0] == pytest.approx(np.arctan(36.0 / (9.80665 * 20.0)), abs=1e-3)

@@ -16,7 +16,7 @@ from scarl_sionna.scenario.motion.ground import GroundLine
 from scarl_sionna.scenario.motion.paths import SmoothPath
 from scarl_sionna.scenario.motion.routes import timed_trajectory
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
-from scarl_sionna.scene.motion.trajectory import StaticTrajectory, is_present
+from scarl_sionna.scene.motion.trajectory import StaticTrajectory, is_present, road_pose
 from scenes_xml import scene_names
 
 CONTACT = 0.01
@@ -44,7 +44,7 @@ def wheels_off(world: World, name: str, step: float) -> dict[str, float]:
         if len(feet) == 1:
             continue  # on foot
         times = np.arange(spec.times[0], spec.times[-1], step)[: 1 if isinstance(motion, StaticTrajectory) else None]
-        points = [motion.pose(time).apply(feet) for time in times.tolist() if is_present(motion, time)]
+        points = [road_pose(motion, time).apply(feet) for time in times.tolist() if is_present(motion, time)]
         if points:
             whole = np.concatenate(points)
             found[member.actor.name] = float(np.abs(whole[:, 2] - below(world, whole)).max())

@@ -68,6 +68,7 @@ CHANGES = [
     {"weather": "rain"},
     {"weather": {"rain_rate": 3.0}},
     {"keep_default_actors": True},
+    {"springs": False},
     {"randomization": {"colors": True}},
     {"randomization": {"materials": True}},
     {"randomization": {"placements": True}},

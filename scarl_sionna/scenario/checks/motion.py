@@ -13,7 +13,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.engine.world import World, WorldState
 from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
 from scarl_sionna.scenario.motion.paths import sample_motion
-from scarl_sionna.scene.motion.trajectory import Trajectory
+from scarl_sionna.scene.motion.trajectory import Trajectory, road_pose
 
 Array = npt.NDArray[np.float64]
 Planned = Sequence[tuple[str, Trajectory, BodyLike]]
@@ -22,7 +22,7 @@ Planned = Sequence[tuple[str, Trajectory, BodyLike]]
 WHEEL = 0.08
 """Height above the ground or depth below it that is let pass of one wheel [m].
 
-A vehicle does not roll: on a road banked by 10 % a wheel stands 7.5 cm off the ground that its axle's middle stands on.
+Wheels stand level across: on a road banked by 10 % one stands 7.5 cm off the ground that its axle's middle stands on.
 """
 _ABOVE, _BELOW = 1.0, 4.0
 """From how far above the origin to how far below it the ground is looked for [m]."""
@@ -126,7 +126,7 @@ def check_ground(
         for time in np.atleast_1d(np.asarray(times, dtype=np.float64)):
             if trajectory.start <= time <= trajectory.stop:
                 labels.append((name, float(time), len(feet)))
-                spots.append(trajectory.pose(float(time)).apply(feet))
+                spots.append(road_pose(trajectory, float(time)).apply(feet))
     if not spots:
         return []
     points = np.concatenate(spots)

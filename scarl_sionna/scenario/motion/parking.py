@@ -13,11 +13,12 @@ from scipy.optimize import brentq
 from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.scene.lanes import Lane
-from scarl_sionna.scene.motion.trajectory import WheelWay
+from scarl_sionna.scene.motion.trajectory import Motion, WheelWay
 
 from .bodies import ActorBody
 from .paths import PathTrajectory, SmoothPath
 from .profiles import SpeedProfile
+from .tilt import Springs
 
 Array = npt.NDArray[np.float64]
 
@@ -78,6 +79,17 @@ class JoinedTrajectory:
         now = self.pieces[index].wheel_way(time, place)
         before = sum(piece.wheel_way(piece.stop, place).rolled for piece in self.pieces[:index])
         return WheelWay(now.angle, now.rate, now.rolled + before, now.speed)
+
+    def on_springs(self, springs: Springs) -> JoinedTrajectory:
+        """Return the same motions of a body that pitches and rolls, each from the tilt with which the last ends."""
+        pieces = [self.pieces[0].on_springs(springs)]
+        for piece in self.pieces[1:]:
+            pieces.append(piece.on_springs(springs, pieces[-1]))
+        return JoinedTrajectory(tuple(pieces))
+
+    def body_from_road(self, time: float) -> Motion | None:
+        """Return how the frame on which the wheels stand moves in the body's; None for one without springs."""
+        return self.pieces[self._index(time)].body_from_road(time)
 
     def road_height(self, time: float, x: float) -> tuple[float, float]:
         """Return the height of the present piece's path at x of the body over its origin [m], and its rate [m/s]."""

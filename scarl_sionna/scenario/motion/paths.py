@@ -13,9 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.scene.motion.trajectory import Trajectory, WheelWay
+from scarl_sionna.scene.motion.trajectory import Motion, Trajectory, WheelWay
 
 from .bodies import ActorBody
+from .tilt import Springs, Swaying, Tilt, lean
 
 Array = npt.NDArray[np.float64]
 
@@ -23,10 +24,6 @@ SMOOTHING = 3.0
 """Distance of the knots of a vehicle's path [m]: the steering goes from straight to a bend within about this way."""
 ROUNDING = 0.2
 """Distance of the knots of heights that follow a ground with kerbs and ramps [m]: less than a wheel's radius."""
-GRAVITY = 9.80665
-"""[m/s^2]"""
-LEAN = np.radians(45.0)
-"""Most that a two-wheeler leans: where tyres on dry asphalt let go."""
 ROLLING = 0.25
 """Distance of the places at which the way of a steered wheel is known exactly [m]: a twelfth of the path's knots."""
 _DEGREE = 5
@@ -281,9 +278,10 @@ class PathTrajectory:
     gamma = atan((z(s + L) - z(s)) / L), orientation R = R_z(psi) R_y(-gamma), origin p = r(s) + R (-rear_axle, 0, 0),
     so that both axles stand on the path's ground. The twist is the exact derivative: omega = psi' z - gamma' R_z(psi)
     y, v = dr/ds s' + omega x R (-rear_axle, 0, 0). A body whose `motion` is ``cycle`` leans about the line through the
-    feet of its wheels by atan(k s'^2 / g) into a bend k, at most `LEAN`: steady turning without the width of the tyres
-    and the gyroscopes of the wheels, which make it lean a little more [2]_. *Not modelled*: slip, roll of other bodies,
-    suspension, banked roads.
+    feet of its wheels by atan(k s'^2 / g) into a bend k, at most `tilt.LEAN`: steady turning without the width of the
+    tyres and the gyroscopes of the wheels, which make it lean a little more [2]_. One `on_springs` pitches and rolls
+    about its origin, which stays on the road as the wheels do. *Not modelled*: slip, heave, what weight does to springs
+    on slopes, banked roads.
 
     References
     ----------
@@ -307,7 +305,8 @@ class PathTrajectory:
             raise ParameterRangeError(f"{name}.trajectory", (self.start, self.stop), "a start before the stop [s]")
         self._rate, self._pull = way.derivative(1), way.derivative(2)
         self._rolled: dict[tuple[float, float], tuple[PPoly, PPoly, float]] = {}
-        self._last: tuple[float, tuple[Array, Array, Array, Array, Array]] = (self.start, self.sample(self.start))
+        self._swaying: Swaying | None = None
+        self._last: tuple[float, tuple[Array, Array, Array, Array, Array, Tilt | None]] | None = None
         low, high = path.bounds
         ways = way(np.linspace(self.start, self.stop, 65))
         margin = 1e-6
@@ -324,7 +323,7 @@ class PathTrajectory:
         return self.body.wheelbase
 
     def sample(self, times: npt.ArrayLike) -> tuple[Array, Array, Array, Array, Array]:
-        """Return position, heading, slope, linear and angular velocity at times (N,) [s].
+        """Return position, heading, slope, linear and angular velocity of the frame on the road at times (N,) [s].
 
         Shapes and units: (N, 3) [m], (N,) [rad], (N,) [rad], (N, 3) [m/s], (N, 3) [rad/s].
         """
@@ -349,44 +348,62 @@ class PathTrajectory:
             [cos * np.cos(slope), sin * np.cos(slope), np.sin(slope) + flat], axis=1
         )
         velocity = first * rate[:, None] + np.cross(angular, lever)
-        if self._leans:  # about the lever, which stays where it is
-            along = np.stack([cos * np.cos(slope), sin * np.cos(slope), np.sin(slope) + flat], axis=1)
-            angular = angular - self.lean(time)[1][:, None] * along
         return rear + lever, heading, slope, velocity, angular
 
-    @property
-    def _leans(self) -> bool:
-        return self.body.motion == "cycle" and self._base > 0.0
+    def on_springs(self, springs: Springs, after: PathTrajectory | None = None) -> PathTrajectory:
+        """Return the same motion of a body that pitches and rolls; `after`: from the tilt that another one ends with.
 
-    def lean(self, times: npt.ArrayLike) -> tuple[Array, Array]:
-        """Return how far the body leans to its left (N,) [rad] and the rate (N,) [rad/s] at times (N,) [s]."""
+        Raises
+        ------
+        ParameterRangeError
+            If the body has two wheels, which lean, none, or a trailer.
+        """
+        if self.body.motion != "vehicle" or not self._base > 0.0 or self.body.trailer is not None:
+            raise ParameterRangeError(f"springs of '{self.name}'", springs, "none for this body")
+        other = copy.copy(self)
+        before = None if after is None else after.tilt(after.stop)
+        other._last, other._swaying = None, Swaying(springs, (self.start, self.stop), self.pulls, before)
+        return other
+
+    def pulls(self, times: npt.ArrayLike) -> Array:
+        """Return the acceleration of the middle between the axles, forward and to the left (N, 2) [m/s^2]."""
         time = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        if not self._leans:
-            return np.zeros(time.shape), np.zeros(time.shape)
-        way, rate = self.way(time), self._rate(time)
+        way, speed, pull, arm = self.way(time), self._rate(time), self._pull(time), self._base / 2.0
         bend, change = self.path.bend(way)
-        pull = bend * rate**2 / GRAVITY
-        angle = np.arctan(pull)
-        turning = (change * rate**3 + 2.0 * bend * rate * self._pull(time)) / GRAVITY / (1.0 + pull**2)
-        return np.clip(angle, -LEAN, LEAN), np.where(np.abs(angle) < LEAN, turning, 0.0)
+        forward = pull - arm * (bend * speed) ** 2
+        return np.stack([forward, bend * speed**2 + arm * (change * speed**2 + bend * pull)], axis=1)
 
-    def _state(self, time: float) -> tuple[Array, Array, Array, Array, Array]:
-        """Return the sample at one time; the last one is kept, as pose and twist are asked for together."""
-        if self._last[0] != time:
-            self._last = (time, self.sample(time))
+    def tilt(self, times: npt.ArrayLike) -> Tilt | None:
+        """Return how the body tilts over the road at times (N,) [s]; None for one that does not."""
+        time = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        if self.body.motion == "cycle" and self._base > 0.0:
+            way = self.way(time)
+            return lean(*self.path.bend(way), self._rate(time), self._pull(time))
+        return None if self._swaying is None else self._swaying.at(time)
+
+    def body_from_road(self, time: float) -> Motion | None:
+        """Return how the frame on which the wheels stand moves in the body's; None for one without springs."""
+        tilt = self._state(time)[5]
+        return None if tilt is None or self._swaying is None else tilt.body_from_road
+
+    def _state(self, time: float) -> tuple[Array, Array, Array, Array, Array, Tilt | None]:
+        """Return sample and tilt at one time; the last one is kept, as pose and twist are asked for together."""
+        if self._last is None or self._last[0] != time:
+            self._last = (time, (*self.sample(time), self.tilt(time)))
         return self._last[1]
 
     def pose(self, time: float) -> Pose:
         """Return world_from_actor at a time [s]; x along the heading of the rear axle."""
-        position, heading, slope, _, _ = self._state(time)
-        lean = -float(self.lean(time)[0][0]) if self._leans else 0.0
-        quaternion = Rotation.from_euler("ZYX", [heading[0], -slope[0], lean]).as_quat()
+        position, heading, slope, _, _, tilt = self._state(time)
+        pitch, roll = (0.0, 0.0) if tilt is None else (tilt.pitch[0], tilt.roll[0])
+        quaternion = Rotation.from_euler("ZYX", [heading[0], -slope[0] - pitch, roll]).as_quat()
         return Pose(position[0], np.roll(quaternion, 1))
 
     def twist(self, time: float) -> Twist:
-        """Return the velocity at a time [s]: exact derivatives of the path and of the way."""
-        _, _, _, linear, angular = self._state(time)
-        return Twist(linear[0], angular[0])
+        """Return the velocity at a time [s]: exact derivatives of the path, of the way and of the tilt."""
+        _, heading, slope, linear, angular, tilt = self._state(time)
+        spin = 0.0 if tilt is None else tilt.spin(float(heading[0]), float(slope[0]))
+        return Twist(linear[0], angular[0] + spin)
 
     def forward_speeds(self, times: Array) -> Array:
         """Return the speed of the origin along the body's x axis [m/s] at times (N,) [s]."""
@@ -419,7 +436,7 @@ class PathTrajectory:
 
         Before its beginning and after its end the path is level.
         """
-        position, _, _, linear, _ = self._state(time)
+        position, _, _, linear, _, _ = self._state(time)
         way, rate = float(self.way(time)) + x - self.body.rear_axle, float(self._rate(time))
         low, high = self.path.bounds
         inside = min(max(way, low), high)

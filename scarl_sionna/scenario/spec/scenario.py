@@ -85,6 +85,7 @@ class ScenarioSpec(Spec):
     )
     traffic: TrafficSpec | None = None
     randomization: RandomizationSpec = Field(RandomizationSpec(), description="what is drawn at random")
+    springs: bool = Field(True, description="whether bodies of vehicles pitch and roll on their springs")
     collisions: Literal["error", "warn", "allow"] = Field("error", description="what bodies that overlap do")
 
     _origin: Origin | None = PrivateAttr(None)
@@ -262,8 +263,14 @@ class ScenarioSpec(Spec):
         return cls.load(LIBRARY / f"{name}.yaml")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all that is not None as plain data."""
-        return self.model_dump(mode="json", exclude_none=True)
+        """Return all that is not None as plain data.
+
+        Without `springs` where they are at work, so that a scenario of before has the bytes of before.
+        """
+        plain = self.model_dump(mode="json", exclude_none=True)
+        if plain["springs"]:
+            del plain["springs"]
+        return plain
 
     def to_json(self) -> str:
         """Return the canonical text: the same for scenarios that say the same."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,10 +12,13 @@ from scipy.spatial import cKDTree
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
+from scarl_sionna.scenario.motion.tilt import Springs, on_springs
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import (
+    Motion,
     Trajectory,
     WheelWay,
+    body_from_road,
     forward_speeds,
     lane_offsets,
     road_height,
@@ -120,6 +123,14 @@ class PresentTrajectory:
     def wheel_way(self, time: float, place: tuple[float, float]) -> WheelWay | None:
         """Return where a wheel of the motion points and how far it has rolled; None where the motion does not say."""
         return wheel_way(self.motion, time, place)
+
+    def on_springs(self, springs: Springs) -> PresentTrajectory:
+        """Return the same motion of a body that pitches and rolls."""
+        return replace(self, motion=on_springs(self.motion, springs))
+
+    def body_from_road(self, time: float) -> Motion | None:
+        """Return how the frame on which the motion's wheels stand moves in the body's; None for one without springs."""
+        return body_from_road(self.motion, time)
 
     def lane_offsets(self, times: Array) -> Array | None:
         """Return how far the motion is to the left of the lanes that it follows [m]; None where it follows none."""

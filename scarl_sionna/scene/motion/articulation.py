@@ -16,14 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
-from scarl_sionna.core.pose import Pose, Twist
 
 from .footprints import FootPrints, Ground, steps_forward
 from .gait import FRACTIONS, SEGMENTS, WalkingGait, walking_gait
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
 from .swinging import Swing, swing_from_table
-from .towing import TowedWheel, Towing, Trailer, towing_from_table
-from .trajectory import Motion, Trajectory, WheelWay, forward_speeds, known_until, wheel_way
+from .towing import TowedWheel, Towing, Trailer, rolled_on, towing_from_table
+from .trajectory import Motion, Trajectory, WheelWay, body_from_road, forward_speeds, known_until, wheel_way
 
 PHASES = 16
 """Phases of a gait at which a walker's box is measured: between them a limb goes less than 2 % of its swing farther."""
@@ -37,7 +36,6 @@ _SEGMENT = re.compile(rf"(?:^|_)({'|'.join(SEGMENTS)})(?:_[a-z]+)?$")
 _PEDALLING = re.compile(rf"(?:^|_)({'|'.join(PEDALLING_SEGMENTS)})(?:_[a-z]+)?$")
 _legs = lru_cache(maxsize=64)(PedallingLegs)
 """Riders of the same measures have the same legs: their reach is checked once."""
-_AXLE = np.array([0.0, 1.0, 0.0])
 _KINGPIN = np.array([0.0, 0.0, 1.0])
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -195,11 +193,17 @@ class Rolling:
         """Return way [m] and turn [rad] up to a time [s], and their rates."""
         if self._last is not None and self._last[0] == time:
             return self._last[1]
-        rates = forward_speed(self._trajectory, time), float(self._trajectory.twist(time).angular[2])
-        found = [self._way.at(time), self._turned(time), *rates]
+        ahead = self._trajectory.pose(time).rotation[:, 0]
+        turning = np.cross(self._trajectory.twist(time).angular, ahead)
+        yaw_rate = float((ahead[0] * turning[1] - ahead[1] * turning[0]) / (ahead[0] ** 2 + ahead[1] ** 2))
+        found = [self._way.at(time), self._turned(time), forward_speed(self._trajectory, time), yaw_rate]
         if time <= known_until(self._trajectory):
             self._last = time, found
         return found
+
+    def road(self, time: float) -> Motion:
+        """Return how the frame that stands on the road moves in the actor's: at rest where its body does not tilt."""
+        return body_from_road(self._trajectory, time) or Motion()
 
     def steered(self, time: float, center: npt.NDArray[np.float64]) -> WheelWay | None:
         """Return how a steered wheel goes; None where nobody knows the bend."""
@@ -238,20 +242,15 @@ class Wheel:
 
     def motions(self, time: float) -> dict[str, Motion]:
         """Return the turn about the axle, angle = way of the wheel / radius, and about the kingpin."""
+        road = self.rolling.road(time)
         bend = self.rolling.steered(time, self.center) if self.steered else None
         if bend is not None:
-            hub = Motion(Pose(self.center)).then(Motion.about(_KINGPIN, bend.angle, bend.rate))
-            hub = hub.then(Motion.about(_AXLE, bend.rolled / self.radius, bend.speed / self.radius))
-            return dict.fromkeys(self.shapes, hub.then(Motion(Pose(-self.center))))
-        way, turned, speed, yaw_rate = self.rolling.at(time)
-        angle, rate = (way - self.center[1] * turned) / self.radius, (speed - self.center[1] * yaw_rate) / self.radius
-        turn = Motion.about(_AXLE, angle, rate).pose
-        spin = np.array([0.0, rate, 0.0])
-        origin = self.center - turn.rotate(self.center)
-        motion = Motion(
-            Pose(origin, turn.quaternion), Twist(-Twist(angular=spin).velocity_at(turn.rotate(self.center)), spin)
-        )
-        return dict.fromkeys(self.shapes, motion)
+            road = road.then(Motion.about(_KINGPIN, bend.angle, bend.rate, self.center))
+            rolled, speed = bend.rolled, bend.speed
+        else:
+            way, turned, forward, yaw_rate = self.rolling.at(time)
+            rolled, speed = way - self.center[1] * turned, forward - self.center[1] * yaw_rate
+        return dict.fromkeys(self.shapes, rolled_on(road, self.center, self.radius, rolled, speed))
 
 
 @dataclass(frozen=True, eq=False)

@@ -248,11 +248,16 @@ class TowedWheel:
     def motions(self, time: float) -> dict[str, Motion]:
         """Return the trailer's motion and the turn about the axle, way of the wheel / radius."""
         now, aside = self.towing.at(time), float(self.center[1])
-        spin = Motion.about(
-            _Y, (now.way - aside * now.turned) / self.radius, (now.speed - aside * now.turning) / self.radius
-        )
-        hub = self.towing.motion(time).then(Motion(Pose(self.center))).then(spin)
-        return dict.fromkeys(self.shapes, hub.then(Motion(Pose(-self.center))))
+        rolled, speed = now.way - aside * now.turned, now.speed - aside * now.turning
+        return dict.fromkeys(self.shapes, rolled_on(self.towing.motion(time), self.center, self.radius, rolled, speed))
+
+
+def rolled_on(frame: Motion, center: npt.NDArray[np.float64], radius: float, rolled: float, speed: float) -> Motion:
+    """Return the motion of a wheel in a frame that moves as given: turned about its axle by way over radius.
+
+    `rolled` [m] and `speed` [m/s] are its own; the axle is along the frame's y axis through `center` (3,) [m].
+    """
+    return frame.then(Motion.about(_Y, rolled / radius, speed / radius, center))
 
 
 def towing_from_table(

@@ -25,7 +25,8 @@ class Trajectory(Protocol):
     many times at once, a method ``is_present(time)``, which is False while the body is not in the scene: it then has no
     box, a method ``wheel_way(time, place)``, see the function of that name, where it knows its bends also while it
     stands, a method ``road_height(time, x)``, see the function of that name, where it knows the road behind it, a
-    method ``lane_offsets(times)``, see the function of that name, where it follows lanes, and an attribute
+    method ``lane_offsets(times)``, see the function of that name, where it follows lanes, a method
+    ``body_from_road(time)``, see the function of that name, where the body tilts over its wheels, and an attribute
     ``known_until``, see the function of that name.
     """
 
@@ -92,6 +93,21 @@ def road_height(trajectory: Trajectory, time: float, x: float) -> tuple[float, f
     return None if says is None else says(time, x)
 
 
+def body_from_road(trajectory: Trajectory, time: float) -> Motion | None:
+    """Return how the frame in which an actor's wheels stand moves in that of its body, about the same origin.
+
+    None for a trajectory whose body does not tilt over its wheels.
+    """
+    says = getattr(trajectory, "body_from_road", None)
+    return None if says is None else says(time)
+
+
+def road_pose(trajectory: Trajectory, time: float) -> Pose:
+    """Return world_from_road at a time [s]: the pose of the body as its wheels stand, however that tilts over them."""
+    tilt = body_from_road(trajectory, time)
+    return trajectory.pose(time) if tilt is None else trajectory.pose(time).compose(tilt.pose)
+
+
 def forward_speeds(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return the speed of an actor's origin along its heading [m/s], negative when it reverses, at times (N,) [s]."""
     when = np.asarray(times, dtype=np.float64)
@@ -108,14 +124,19 @@ class Motion(Described):
     twist: Twist = field(default_factory=Twist)
 
     @classmethod
-    def about(cls, axis: npt.ArrayLike, angle: float, rate: float) -> Motion:
-        """Return the turn about an axis through the parent's origin, of an angle [rad] and its rate [rad/s].
+    def about(cls, axis: npt.ArrayLike, angle: float, rate: float, center: npt.ArrayLike | None = None) -> Motion:
+        """Return the turn about a unit axis (3,), of an angle [rad] and its rate [rad/s].
 
-        The axis has the shape (3,) and any length.
+        Through a point (3,) [m] of the parent, `center`, or its origin.
         """
         unit = np.asarray(axis, dtype=np.float64)
         quaternion = np.concatenate([[np.cos(angle / 2.0)], np.sin(angle / 2.0) * unit])
-        return cls(Pose(np.zeros(3), quaternion), Twist(np.zeros(3), rate * unit))
+        turn = Pose(np.zeros(3), quaternion)
+        if center is None:
+            return cls(turn, Twist(np.zeros(3), rate * unit))
+        middle = np.asarray(center, dtype=np.float64)
+        arm = turn.rotate(middle)
+        return cls(Pose(middle - arm, quaternion), Twist(-rate * np.cross(unit, arm), rate * unit))
 
     def then(self, inner: Motion) -> Motion:
         """Return the motion, in this one's parent, of a frame that moves like `inner` in this one's frame."""
