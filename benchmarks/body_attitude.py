@@ -1,10 +1,9 @@
-"""What pitch under braking and roll in bends would change of a car: its echo, its box, and the velocity of its parts.
+"""What pitch under braking and roll in bends change of a car: its echo, its box, and the velocity of its parts.
 
 python benchmarks/body_attitude.py [--model saloon] [--detail light]
 
-Springs are not modelled; here a body is tilted as a whole by what a car of usual springs has at 3 m/s^2 of braking and
-at 2 m/s^2 across: 2 deg/g of pitch and 5 deg/g of roll (cars: 3 to 7 deg/g, T. D. Gillespie, Fundamentals of Vehicle
-Dynamics, 1992, chapter 6). A radar behind or before it then sees it from another elevation, and so does one beside it.
+A body is tilted as a whole by what the springs of a car have at 3 m/s^2 of braking and at 2 m/s^2 across. A radar
+behind or before it then sees it from another elevation, and so does one beside it.
 """
 
 from __future__ import annotations
@@ -18,10 +17,10 @@ from benchmarks.actor_rcs import FREQUENCY, SETTINGS
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.units import power_to_db
 from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
+from scarl_sionna.scenario.motion.tilt import GRAVITY, Springs
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 
-GRAVITY = 9.80665
-CASES = {"pitch": (3.0, 2.0, (0.0, 180.0)), "roll": (2.0, 5.0, (90.0, 270.0))}
+CASES = {"pitch": (3.0, Springs().pitch, (0.0, 180.0)), "roll": (2.0, Springs().roll, (90.0, 270.0))}
 """Acceleration [m/s^2], gradient [deg/g], and azimuths of who sees it most [deg]."""
 JERK = 2.0
 """Usual change of the acceleration [m/s^3]."""

@@ -173,6 +173,7 @@ class Rolling:
         self._origin = trajectory.start if np.isfinite(trajectory.start) else 0.0
         self._headings: dict[int, float] = {0: trajectory.pose(self._origin).yaw}
         self._last: tuple[float, list[float]] | None = None
+        self._road: tuple[float, Motion] | None = None
 
     def _turned(self, time: float) -> float:
         """Return the turn since the start [rad]: no body turns half way round within a panel."""
@@ -203,7 +204,9 @@ class Rolling:
 
     def road(self, time: float) -> Motion:
         """Return how the frame that stands on the road moves in the actor's: at rest where its body does not tilt."""
-        return body_from_road(self._trajectory, time) or Motion()
+        if self._road is None or self._road[0] != time or time > known_until(self._trajectory):
+            self._road = time, body_from_road(self._trajectory, time) or Motion()
+        return self._road[1]
 
     def steered(self, time: float, center: npt.NDArray[np.float64]) -> WheelWay | None:
         """Return how a steered wheel goes; None where nobody knows the bend."""
