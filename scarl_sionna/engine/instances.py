@@ -13,8 +13,8 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.scene.bodies.bending import Bending, BentMesh
 from scarl_sionna.scene.document.model import InstanceEntry
-from scarl_sionna.scene.motion.articulation import Joint
-from scarl_sionna.scene.motion.trajectory import Motion
+from scarl_sionna.scene.motion.articulation import Joint, joints_on
+from scarl_sionna.scene.motion.trajectory import Motion, StaticTrajectory, body_from_road
 from scarl_sionna.scene.tables import Actor, InstanceInfo, PartTable
 
 from .rays.geometry import upright_box
@@ -147,8 +147,11 @@ def describe_instance(shapes: Shapes, number: int, entry: InstanceEntry, scene_c
     of_track = None
     if entry.trajectory is not None:
         start = entry.trajectory.start
-        actor = Actor.of(entry, number, entry.trajectory)
         first = start if np.isfinite(start) else 0.0
+        actor = Actor.of(entry, number, entry.trajectory)
+        if body_from_road(entry.trajectory, first) is not None:  # its box is that of a body as level as its wheels
+            still = StaticTrajectory(entry.trajectory.pose(first))
+            actor = replace(actor, trajectory=still, joints=joints_on(entry.joints, still))
         moved, bent = actor.motions(first), actor.bent(first)
         of_track = shapes.box_of_track(parts, actor.joints, actor.bending)
     vertices = shapes.vertices(parts, moved, bent)

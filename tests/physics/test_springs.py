@@ -133,6 +133,9 @@ def test_wheels_stay_on_the_road_below_a_body_that_tilts() -> None:
         for part in wheels:
             twin = now.part_pose(parts[world.parts.name[part].replace("sprung", "rigid")])
             np.testing.assert_allclose(now.part_pose(part).matrix, twin.matrix, atol=1e-9)
+        assert world.instances[world.actor("sprung").instance].size.tolist() == pytest.approx(
+            world.instances[world.actor("rigid").instance].size.tolist(), abs=1e-9
+        )
         first, box, last = (next(one for one in at.boxes() if one.name == "sprung") for at in (before, now, after))
         np.testing.assert_allclose(box.world_from_box.rotation, now.actor_pose("sprung").rotation, atol=1e-12)
         way = last.world_from_box.position - first.world_from_box.position

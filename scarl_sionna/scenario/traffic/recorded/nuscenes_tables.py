@@ -37,11 +37,12 @@ _REMEDY = "give the folder of nuScenes' tables, as data/v1.0-mini"
 
 
 class Placed(NamedTuple):
-    """Where something was: time since the scene's first sample [s], position [m, world], heading [rad]."""
+    """Where something was: time since the scene's first sample [s], position [m, world], heading [rad], upward axis."""
 
     time: float
     position: tuple[float, float, float]
     heading: float
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +61,11 @@ class Track:
     @property
     def feet(self) -> list[Placed]:
         """The ground below the middle of the box at each keyframe."""
-        low = 0.5 * self.size[2]
-        return [one._replace(position=(*one.position[:2], one.position[2] - low)) for one in self.boxes]
+        found = []
+        for one in self.boxes:
+            x, y, z = (np.array(one.position) - 0.5 * self.size[2] * np.array(one.up)).tolist()
+            found.append(one._replace(position=(x, y, z)))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +177,11 @@ class _Record:
         turn = self.numbers("rotation", 4)
         if np.linalg.norm(turn) < 1e-3:
             raise self.fault("rotation is a quaternion of length 0")
-        forward = Pose(np.zeros(3), turn / np.linalg.norm(turn)).rotation[:, 0]
+        forward, _, up = Pose(np.zeros(3), turn / np.linalg.norm(turn)).rotation.T
         x, y, z = (self.numbers("translation", 3) + shift).tolist()
-        return Placed(time, (x, y, z), float(np.arctan2(forward[1], forward[0])))
+        return Placed(
+            time, (x, y, z), float(np.arctan2(forward[1], forward[0])), (float(up[0]), float(up[1]), float(up[2]))
+        )
 
 
 def _rows(folder: Path, table: str, key: str, wanted: Callable[[str], bool]) -> Iterator[_Record]:
