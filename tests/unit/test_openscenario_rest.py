@@ -235,3 +235,56 @@ def test_who_is_no_entity_is_named(tmp_path):
     ):
         with pytest.raises(ScenarioError, match="'nobody' is no entity"):
             read_drive(files.written(tmp_path, files.scenario(BOTH, wrong)))
+
+
+def test_variables_are_declared_set_and_asked(tmp_path):
+    """Declared as 4, +15 at 2 s: the ego vehicle brakes with 4 m/s2 from when it is 19."""
+    change = (
+        '<GlobalAction><VariableAction variableRef="count"><ModifyAction><Rule><AddValue value="15"/></Rule>'
+        "</ModifyAction></VariableAction></GlobalAction>"
+    )
+    asked = '<VariableCondition variableRef="count" value="19" rule="equalTo"/>'
+    brake = files.speed(0.0, "linear", "rate", 4.0)
+    groups = files.group("", files.event(change, files.after(2.0), "change"), name="first")
+    groups += files.group("Ego", files.event(brake, files.condition(f"<ByValueCondition>{asked}</ByValueCondition>")))
+    actions = files.init("Ego", files.on_lane(20.0), 20.0)
+    text = files.scenario(files.vehicle("Ego"), actions, groups)
+    declared = '<VariableDeclarations><VariableDeclaration name="count" variableType="integer" value="4"/>'
+    text = text.replace("<CatalogLocations>", f"{declared}</VariableDeclarations><CatalogLocations>")
+    found = read_drive(files.written(tmp_path, text))
+    assert at(found, "Ego", 5.0).speed == pytest.approx(20.0 - 4.0 * 3.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("system, angle", [("world", 0.5), ("road", 0.2), ("lane", 0.2)])
+def test_an_angle_is_that_of_its_system(tmp_path, system, angle):
+    """On a bend of 60 m, on the lane outside (61.75 m): 0.5 rad in the world where the arc has turned by as much.
+
+    Beside the road it is an angle to it: a lane change of 3.5 m in 4 s has its steepest slope in its middle.
+    """
+    kind = f'angle="{angle + 0.05}" angleTolerance="0.05" coordinateSystem="{system}"'
+    test = f'<AngleCondition angleType="heading" {kind}/>'  # true from the angle on that is 0.05 rad less
+    stop = files.of_entity("Ego", test, "none")
+    if system == "world":
+        text = files.scenario(files.vehicle("Ego"), files.init("Ego", files.on_lane(6.0), 6.175), stop=stop)
+        found = read_drive(files.written(tmp_path, text, files.ARC))
+        assert found.run.stop == pytest.approx((0.5 - 0.1) * 10.0, abs=1e-4)
+        return
+    change = files.lane_change('<AbsoluteTargetLane value="-1"/>', "cubic", "time", 4.0)
+    group = files.group("Ego", files.event(change, files.after(1.0)))
+    text = files.scenario(files.vehicle("Ego"), files.init("Ego", files.on_lane(20.0, -2), 6.0), group, stop)
+    slope = 6.0 * math.tan(0.2) * 4.0 / 3.5  # 6 x (1 - x), rising
+    wanted = 1.0 + 4.0 * (0.5 - math.sqrt(0.25 - slope / 6.0))
+    assert read_drive(files.written(tmp_path, text)).run.stop == pytest.approx(wanted, abs=0.01)
+
+
+def test_a_place_on_a_trajectory_is_on_its_line(tmp_path):
+    line = "".join(f"<Vertex>{files.on_lane(s, lane)}</Vertex>" for s, lane in ((100.0, -1), (112.0, -2), (200.0, -2)))
+    line = f'<Trajectory name="t" closed="false"><Shape><Polyline>{line}</Polyline></Shape></Trajectory>'
+    inside = f'<TrajectoryPosition s="6.25" t="2"><TrajectoryRef>{line}</TrajectoryRef></TrajectoryPosition>'
+    text = files.scenario(files.vehicle("Ego"), files.init("Ego", f"<Position>{inside}</Position>", 0.0))
+    found = at(read_drive(files.written(tmp_path, text)), "Ego", 0.0)
+    along = np.array([12.0, -3.5]) / 12.5  # half of the first piece, 2 m to its left
+    assert (found.x, found.y) == pytest.approx(tuple([106.0, -3.5] + 2.0 * np.array([-along[1], along[0]])), abs=1e-9)
+    assert found.heading == pytest.approx(math.atan2(-3.5, 12.0))
+    with pytest.raises(ScenarioError, match="s = 300 m is not on the trajectory, which is 100.5 m long"):
+        read_drive(files.written(tmp_path, text.replace('s="6.25"', 's="300"')))

@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import MapError, ScarlWarning, ScenarioFileError
 from .lights import not_shown
 from .reading.catalogs import Catalogs
 from .reading.entities import Entity, read_entities
-from .reading.source import Node, Problems, read_root
+from .reading.source import Node, Problems, parameter_name, read_root
 from .roads.network import Roads, read_roads
 from .running.actions import Action
 from .running.registry import read_global, read_private
@@ -120,7 +120,8 @@ def _cached(path: Path, stamp: tuple[int, int], map_file: Path | None, map_stamp
     signals = read_signals(root.need("RoadNetwork"))
     problems.check()
     hero = _hero(entities)
-    simulation = Simulation(roads, entities, dict(root.scope), storyboard, hero)
+    values = dict(root.scope) | _variables(root)
+    simulation = Simulation(roads, entities, values, storyboard, hero)
     simulation.signals = signals
     simulation.start(init)
     run = simulation.simulate()
@@ -143,6 +144,13 @@ def _cached(path: Path, stamp: tuple[int, int], map_file: Path | None, map_stamp
     if hero is not None:
         lines["ego"] = entities[hero].node.line
     return Drive(path, found_map, roads, entities, hero, run, _surroundings(run), lines, tuple(problems.findings))
+
+
+def _variables(root: Node) -> dict[str, str]:
+    """Return the values of a file's VariableDeclarations at the start (1.2), by name."""
+    holder = root.child("VariableDeclarations")
+    declared = [] if holder is None else holder.children("VariableDeclaration")
+    return {parameter_name(one): one.text("value", "") for one in declared}
 
 
 def _surroundings(run: Run) -> dict[str, Any]:

@@ -402,6 +402,31 @@ class _RelativeAngle(_OfEntity):
         return abs(wrapped(own.heading - other.heading - self._angle))
 
 
+class _Angle(_OfEntity):
+    """AngleCondition (1.3): the heading in the world, or against the direction of the road or of the lane."""
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._node = node
+        if node.choice("angleType", ("heading", "pitch", "roll"), "heading") != "heading":
+            raise node.unsupported("the heading is read")
+        self._system = node.choice("coordinateSystem", ("entity", "lane", "road", "trajectory", "world"), "world")
+        if self._system in ("entity", "trajectory"):
+            raise node.unsupported("coordinateSystem world, road and lane are read")
+        self._angle, self._tolerance = node.number("angle"), node.number("angleTolerance", 0.0, 0.0)
+        super().__init__(node, name, Rule(node, self._tolerance + 1e-9, "lessOrEqual"))
+
+    def _found(self, stage: Stage) -> float:
+        own, base = stage.motion(self.name, self._node), 0.0
+        if self._system != "world":
+            if stage.roads is None or own.spot is None:
+                raise self._node.error("needs roads, and the scenario has no map")
+            base = stage.roads.point(own.spot.road, own.spot.s, 0.0)[2]
+            if self._system == "lane":
+                way = stage.roads.direction(own.spot.road, own.spot.section, own.lane(stage.roads))
+                base += 0.0 if way > 0 else math.pi
+        return abs(wrapped(own.heading - base - self._angle))
+
+
 def read_test(node: Node, name: str, catalogs: Catalogs) -> Test:
     """Return the test in an ``<EntityCondition>`` for one triggering entity.
 
@@ -421,6 +446,7 @@ def read_test(node: Node, name: str, catalogs: Catalogs) -> Test:
         "OffroadCondition": _OffRoad,
         "CollisionCondition": _Touch,
         "RelativeAngleCondition": _RelativeAngle,
+        "AngleCondition": _Angle,
         "RelativeClearanceCondition": _Clearance,
     }
     if node.tag in plain:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,7 +16,7 @@ from .motion import World, wrapped
 
 _READ = (
     "WorldPosition, RelativeWorldPosition, RelativeObjectPosition, RoadPosition, RelativeRoadPosition, LanePosition, "
-    "RelativeLanePosition and RoutePosition are read"
+    "RelativeLanePosition, RoutePosition and TrajectoryPosition are read"
 )
 
 
@@ -58,6 +59,10 @@ class Position(ABC):
         return world.roads
 
 
+WITH_CATALOGS: dict[str, Callable[[Node, Catalogs], Position]] = {}
+"""Positions that other modules read, by their element."""
+
+
 def read_position(holder: Node, catalogs: Catalogs) -> Position:
     """Return the position in an element such as ``<Position>``.
 
@@ -78,6 +83,8 @@ def read_position(holder: Node, catalogs: Catalogs) -> Position:
     }
     if node.tag == "RoutePosition":
         return _OnRoute(node, catalogs)
+    if node.tag in WITH_CATALOGS:
+        return WITH_CATALOGS[node.tag](node, catalogs)
     if node.tag not in kinds:
         raise node.unsupported(_READ)
     return kinds[node.tag](node)
@@ -166,7 +173,7 @@ class _RelativeLane(Position):
     def __init__(self, node: Node) -> None:
         super().__init__(node)
         self._lanes, self._offset = node.whole("dLane"), node.number("offset", 0.0)
-        self._ds = node.number("dsLane" if node.has("dsLane") else "ds")
+        self._ds = node.number("dsLane" if node.has("dsLane") else "ds", 0.0)
 
     def place(self, world: World) -> Place:
         roads, base = self._roads(world), world.motion(self.entity, self.node)

@@ -16,7 +16,7 @@ from scarl_sionna.scene.streets.geometry.curves import evaluate
 from scarl_sionna.scene.streets.model import PlanPiece
 
 from .motion import Motion, World
-from .positions import Position, read_position
+from .positions import WITH_CATALOGS, Place, Position, placed, read_position
 from .processes import Process
 
 Array = npt.NDArray[np.float64]
@@ -221,6 +221,30 @@ class Trajectory:
         if self._times is None:
             return Line(points, ways, None, None)
         return Line(points, ways, np.array(ends) * (ways[-1] / ends[-1]), np.array(self._times))
+
+
+class OnTrajectory(Position):
+    """TrajectoryPosition (1.1): a place by its way along a trajectory, and beside it."""
+
+    def __init__(self, node: Node, catalogs: Catalogs) -> None:
+        super().__init__(node)
+        found = node.need("TrajectoryRef").need("Trajectory", "CatalogReference")
+        if found.tag == "CatalogReference":
+            found = catalogs.resolve(found)
+        self._trajectory = Trajectory(found.declared(), catalogs)
+        self._way, self._aside = node.number("s", low=0.0, unit="m"), node.number("t", 0.0)
+
+    def place(self, world: World) -> Place:
+        """Return the place on the trajectory as its positions are now."""
+        line = self._trajectory.line(world, "")
+        if self._way > line.length + 1e-6:
+            raise self.node.error(f"s = {self._way:g} m is not on the trajectory, which is {line.length:.6g} m long")
+        x, y, heading = line.at(self._way)
+        x, y = x - self._aside * math.sin(heading), y + self._aside * math.cos(heading)
+        return placed(world.roads, x, y, self.turned(heading))
+
+
+WITH_CATALOGS["TrajectoryPosition"] = OnTrajectory
 
 
 def even_way(times: Array, ways: Array) -> PPoly:
