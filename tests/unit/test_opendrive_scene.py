@@ -195,6 +195,26 @@ def test_what_is_not_drawn_is_a_finding_with_its_line_and_one_warning(tmp_path):
     assert f"line {line}: sign of type '9999' has a blank face" in findings
 
 
+def test_a_picture_on_the_road_is_no_obstacle(tmp_path):
+    """As RoadRunner writes stains and arrows: no known type, an outline without heights, or no height at all."""
+    corners = "".join(f'<cornerLocal u="{u}" v="{v}" z="0"/>' for u, v in ((-5, -1), (5, -1), (5, 1), (-5, 1)))
+    size = 'type="-1" width="2" length="10"'
+    things = (
+        f'<object id="1" name="OilPath01" s="20" t="-1.5" hdg="0" {size}><outline>{corners}</outline></object>'
+        f'<object id="2" name="Stencil_Arrow" s="50" t="-1.5" hdg="0" {size}/>'
+        f'<object id="3" name="Block" s="70" t="-1.5" hdg="0" {size} height="0.8"><outline>{corners}</outline></object>'
+    )
+    street = maps.road(maps.piece("<line/>", 90.0), 90.0, more=f"<objects>{things}</objects>")
+    (tmp_path / "stains.xodr").write_text(maps.street_map(street))
+    with pytest.warns(MapWarning):
+        world = ss.load_scene(tmp_path / "stains.xodr")
+    findings = [one.split(": ", 1)[1] for one in world.document.info["findings"]]
+    assert "<object> of no known kind, flat on the ground, is not drawn" in findings
+    assert "<object> of type 'obstacle' has no size and no outline" in findings
+    hits = world.at(0.0).cast([[20.0, -1.5, 5.0], [50.0, -1.5, 5.0], [70.0, -1.5, 5.0]], [[0.0, 0.0, -1.0]] * 3)
+    np.testing.assert_allclose(hits.point[:, 2], [0.0, 0.0, 0.8], atol=0.01)
+
+
 def test_a_map_far_from_the_origin_is_moved_there(tmp_path):
     file = tmp_path / "far.xodr"
     plan = maps.piece("<line/>", 50.0, 0.0, 412_345.5, 5_654_321.25)

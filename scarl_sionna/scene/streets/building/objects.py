@@ -37,8 +37,8 @@ LOOKS: dict[str, tuple[str, str]] = {
 _WORDS = (
     ("guardrail", "guardRail"), ("guard_rail", "guardRail"), ("rail-pole", "pole"), ("railing", "railing"),
     ("fence", "fence"), ("sound", "soundBarrier"), ("streetlamp", "streetLamp"), ("street_lamp", "streetLamp"),
-    ("lamp", "streetLamp"), ("gantry", "gantry"), ("guide-post", "pole"), ("post", "pole"), ("pole", "pole"),
-    ("tree", "tree"), ("hedge", "vegetation"), ("bush", "vegetation"), ("vegetation", "vegetation"),
+    ("lamp", "streetLamp"), ("gantry", "gantry"), ("mastarm", "gantry"), ("guide-post", "pole"), ("post", "pole"),
+    ("pole", "pole"), ("tree", "tree"), ("hedge", "vegetation"), ("bush", "vegetation"), ("vegetation", "vegetation"),
     ("building", "building"), ("house", "building"), ("wall", "wall"), ("barrier", "barrier"),
     ("crosswalk", "crosswalk"), ("island", "trafficIsland"), ("parking", "parkingSpace"),
 )  # fmt: skip # a table
@@ -70,6 +70,9 @@ def add_objects(
             if kind in _FLAT:
                 findings.append(Finding(thing.line, f"<object> of type '{kind}' is not drawn"))
                 continue
+            if kind == "obstacle" != thing.kind and _is_flat(thing):
+                findings.append(Finding(thing.line, "<object> of no known kind, flat on the ground, is not drawn"))
+                continue
             if kind == "parkingSpace":
                 parking.append(_parking(shape, thing))
                 continue
@@ -87,6 +90,12 @@ def add_objects(
                 kit.add(f"{name}_{material}", mesh, material, 40.0)
             kit.instance(name, semantic, [f"{name}_{m}" for m in shown], is_object=kind != "crosswalk")
     return parking
+
+
+def _is_flat(thing: MapObject) -> bool:
+    """Return whether an object has an outline and no height: a stain or another picture on the road."""
+    heights = [corner.height for outline in thing.outlines for corner in outline.corners]
+    return bool(heights) and max(*heights, thing.size[2]) <= 0.0
 
 
 def _parts(shape: Place, thing: MapObject, kind: str, is_light: bool) -> dict[str, Mesh]:

@@ -20,7 +20,8 @@ def sumo_home() -> Path | None:
         import sumo
     except ImportError:
         return None
-    return Path(sumo.SUMO_HOME)
+    home = getattr(sumo, "SUMO_HOME", None)  # a folder of this name is no package
+    return None if home is None else Path(home)
 
 
 def netconvert_path() -> str:
