@@ -102,3 +102,24 @@ def test_snow_needs_frost_whenever_it_begins(tmp_path) -> None:
 
 def test_what_begins_after_the_end_is_no_change(tmp_path) -> None:
     assert loaded(tmp_path, "", (12.0, environment(sky('<Fog visualRange="90"/>')))).changes == ()
+
+
+def test_a_catalog_of_another_name_is_found_by_its_file(tmp_path) -> None:
+    """As esmini's own catalog of environments, which is called VehicleCatalog inside."""
+    (tmp_path / "places").mkdir()
+    (tmp_path / "places" / "EnvironmentCatalog.xosc").write_text(
+        '<OpenSCENARIO><FileHeader revMajor="1" revMinor="2" date="2024-01-01T00:00:00" description="" author=""/>'
+        f'<Catalog name="VehicleCatalog"><Environment name="wet">{sky(fall("rain", 8.0))}</Environment></Catalog>'
+        "</OpenSCENARIO>"
+    )
+    reference = '<CatalogReference catalogName="EnvironmentCatalog" entryName="wet"/>'
+    action = f"<GlobalAction><EnvironmentAction>{reference}</EnvironmentAction></GlobalAction>"
+    text = files.scenario(
+        files.vehicle("Ego"),
+        files.init("Ego", files.on_lane(20.0), 5.0),
+        files.group("", files.event(action, files.after(2.0))),
+        catalogs='<EnvironmentCatalog><Directory path="places"/></EnvironmentCatalog>',
+    )
+    with pytest.warns(match="is called 'VehicleCatalog', and taken for 'EnvironmentCatalog' by the name of its file"):
+        found = ss.ScenarioSpec.load(files.written(tmp_path, text))
+    assert [one.weather for one in found.changes] == [Weather(rain_rate=8.0)]

@@ -77,7 +77,8 @@ class Catalogs:
         return replace(entry, scope={**reference.scope, **scope}, is_assigned=True)
 
     def _catalogs(self, reference: Node, name: str) -> list[Node]:
-        found = []
+        """Return the catalogs of a name; where none has it, those whose file is called so."""
+        found, by_file = [], []
         for path in self.files():
             if path not in self._loaded:
                 root = read_root(path, self._root.problems)
@@ -86,7 +87,11 @@ class Catalogs:
             node = self._loaded[path]
             if node is not None and node.name() == name:
                 found.append(replace(node, scope=reference.scope))
-        return found
+            elif node is not None and path.stem == name:
+                by_file.append(replace(node, scope=reference.scope))
+        for node in by_file if not found else ():
+            node.note(f"is called '{node.name()}', and taken for '{name}' by the name of its file")
+        return found or by_file
 
     def files(self) -> list[Path]:
         """Return the files of all catalogs."""
