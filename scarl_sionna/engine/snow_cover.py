@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,8 @@ import numpy.typing as npt
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.scene.tables import PartTable
+from scenes_xml.generators.geometry.mesh import Mesh
+from scenes_xml.generators.roads.ground import Ground
 
 from .twins import MeshData
 
@@ -26,6 +28,9 @@ SKY = 300.0
 """What is higher above a place does not shelter it [m]."""
 _CLEARED = ("Roads", "RoadLine", "RailTrack")
 _NEVER = ("Water", "Vegetation")
+_THINGS = ("Static", "Other")
+_FLUSH, _CORNERS = 0.03, 48
+"""What is nowhere higher above or below a cleared road than this [m], at so many of its corners, is cleared with it."""
 
 
 def snow_covered(
@@ -35,7 +40,7 @@ def snow_covered(
 
     A shape is covered as a whole or not at all: where at least 85 % of its area is not steeper than 70 deg, and 30 % of
     that has nothing above it within 300 m. So are ground, pavements, roofs and decks; walls, trees, vehicles, and what
-    lies in tunnels and garages are not.
+    lies in tunnels and garages are not. Where roads are cleared, so is what lies flush in them, as covers of manholes.
 
     Parameters
     ----------
@@ -49,8 +54,28 @@ def snow_covered(
     """
     left = {*_NEVER, *(_CLEARED if weather.lying_snow == "beside_roads" else ())}
     static = (parts.actor < 0) & ~np.isin(parts.semantic, [semantic_id(name) for name in left])
-    names = (parts.name[part] for part in np.flatnonzero(static).tolist())
-    return tuple(name for name in names if _is_covered(meshes[name], blocked))
+    found = [int(part) for part in np.flatnonzero(static) if _is_covered(meshes[parts.name[part]], blocked)]
+    cleared = _flush(parts, meshes, found) if weather.lying_snow == "beside_roads" else set()
+    return tuple(parts.name[part] for part in found if part not in cleared)
+
+
+def _flush(parts: PartTable, meshes: Mapping[str, MeshData], among: Sequence[int]) -> set[int]:
+    """Return the parts that lie flush in a cleared road, as covers of manholes and grates of gullies do."""
+    things, cleared = ([semantic_id(name) for name in names] for names in (_THINGS, _CLEARED))
+    asked = [part for part in among if parts.semantic[part] in things]
+    if not asked:
+        return set()
+    roads = Ground()
+    for road in np.flatnonzero((parts.actor < 0) & np.isin(parts.semantic, cleared)).tolist():
+        mesh = meshes[parts.name[road]]
+        roads.add(Mesh(mesh.vertices, mesh.faces))
+    found = set()
+    for part in asked if roads.corners else []:
+        corners = meshes[parts.name[part]].vertices
+        chosen = corners[:: max(1, len(corners) // _CORNERS)]
+        if np.abs(chosen[:, 2] - roads.height(chosen, -np.inf)).max() < _FLUSH:
+            found.add(part)
+    return found
 
 
 def _is_covered(mesh: MeshData, blocked: Callable[[Array], int]) -> bool:

@@ -8,6 +8,7 @@ from ..generators.geometry.mesh import Array, levelled, merge
 from ..generators.kit import SceneKit
 from ..generators.roads import guardrail, road
 from ..generators.roads.ground import Ground, far_field
+from ..generators.roads.wear import LaneSurface, add_wear
 from ..generators.roadside.rural import cells
 from . import layout as at
 from .layout import Plan
@@ -35,6 +36,9 @@ def add_ground(kit: SceneKit, p: Plan) -> Ground:
     across, heights = np.array([-half, -half, 0.0, half, half]), np.array([-0.25, 0.0, 0.0, 0.0, -0.25])
     kit.add("road_asphalt", ground.add(road.strip(p.way, s, across, heights, (4.0, 4.0))), "asphalt_plain", 60.0)
     kit.instance("road", "Roads", ["road_asphalt"])
+    if p.variant:
+        lanes = [LaneSurface.along(p.way, s, side * 0.5 * half, half) for side in (-1.0, 1.0)]
+        add_wear(kit, lanes, np.random.default_rng([p.variant, 20]), "country")
     for side in (1, -1):
         _land(kit, p, side, ground)
     kit.add("terrain_far", far_field(1800.0, p.variant + 26, at.BASE, 25.0), "lawn", 0.5)

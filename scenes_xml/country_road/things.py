@@ -7,8 +7,8 @@ import numpy as np
 from ..generators.buildings import building
 from ..generators.buildings.houses import HousePlan, family_house, house_parts
 from ..generators.geometry.mesh import Array, merge
-from ..generators.kit import SceneKit
-from ..generators.plants import planting, vegetation
+from ..generators.kit import Prefab, SceneKit
+from ..generators.plants import planting, species, vegetation
 from ..generators.roads.ground import Ground
 from ..generators.roadside import furniture, garden, rural
 from ..generators.scene_toml import Parking
@@ -18,6 +18,8 @@ from .static import YARD
 
 METAL = {"back": "sign_back", "pole": "galvanized_steel"}
 TREE = {"trunk": "bark_furrowed", "core": "leaves_shade", "leaves": "leaf_cards"}
+REACH = 3.4
+"""Largest radius of a crown [m]: it keeps off the road and off the wires."""
 
 
 def add_things(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generator) -> None:
@@ -140,11 +142,16 @@ def _farm(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generator
     kit.instance("hedges", "Vegetation", ["hedges_farm"])
 
 
-def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generator) -> None:
+def _tree_kinds(kit: SceneKit, p: Plan) -> list[Prefab]:
+    """Return three kinds of trees, those of variant 0, or four that the variant draws."""
+    if p.variant:
+        drawn = np.random.default_rng([31, p.variant]).permutation(species.COUNTRY)[:4]
+        shapes = {str(kind): species.pruned(str(kind), 14.0, REACH, 0.0) for kind in drawn}
+        return [species.prefab(kit, kind, p.variant + 31, shape) for kind, shape in shapes.items()]
     tall = vegetation.TreeShape(10.0, 3.2, 2.8, 0.18, 13, 1500, 0.42)
     round_ = vegetation.TreeShape(7.2, 2.8, 2.0, 0.14, 11, 1100, 0.40)
     kinds = [
-        kit.prefab(f"tree_{k}", planting.street_tree(shape, p.variant * 3 + 31 + k, kit.is_light), TREE, 60.0)
+        kit.prefab(f"tree_{k}", vegetation.tree(shape, p.variant * 3 + 31 + k, kit.is_light), TREE, 60.0)
         for k, shape in enumerate((tall, round_))
     ]
     spruce = kit.prefab(
@@ -153,6 +160,11 @@ def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generato
         {"trunk": "bark_furrowed", "core": "needles"},
         40.0,
     )
+    return [*kinds, spruce]
+
+
+def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generator) -> None:
+    kinds = _tree_kinds(kit, p)
     spots = [
         (float(s), 12.4 if not -44.0 < s < 62.0 else 15.4, k % 2)
         for k, s in enumerate(np.arange(-118.0, 200.0, 36.0 if kit.is_light else 18.0))
@@ -169,7 +181,8 @@ def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generato
     for number, (s, offset, kind) in enumerate(spots):
         where, _ = _on(p, ground, s + float(generator.uniform(-2.0, 2.0)), offset)
         scale = float(np.round(generator.uniform(0.8, 1.2), 2))
-        kit.place((*kinds, spruce)[kind], f"tree_{number:02d}", "Vegetation", where, 47.0 * number, scale)
+        thing = kinds[number % len(kinds) if p.variant else kind]
+        kit.place(thing, f"tree_{number:02d}", "Vegetation", where, 47.0 * number, scale)
 
 
 def _fields(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generator) -> None:

@@ -29,7 +29,7 @@ class ActorEntry:
     """A moving instance: waypoints (times [s], positions [m], headings [deg] or None) and joints as tables.
 
     One time alone: it stands.  With a `model` (a name of scenes_xml/actors) its shapes, class and joints are the
-    model's, in the colours `variant`.
+    model's, in the colours `variant`, its gait at `phase` [cycles] at the first time.
     """
 
     name: str
@@ -41,6 +41,7 @@ class ActorEntry:
     model: str | None = None
     variant: str | None = None
     detail: str | None = None
+    phase: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,7 @@ def scene_toml(
             lines.append(f'model = "{actor.model}"')
             lines += [f'variant = "{actor.variant}"'] if actor.variant else []
             lines += [f'detail = "{actor.detail}"'] if actor.detail else []
+            lines += [f"phase = {toml_value(actor.phase)}"] if actor.phase else []
         lines += _trajectory(actor)
         for joint in actor.joints:
             lines += ["[[actors.joints]]", *(f"{key} = {toml_value(value)}" for key, value in joint.items()), ""]

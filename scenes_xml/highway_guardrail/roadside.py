@@ -144,9 +144,7 @@ def _tree(kit: SceneKit, plan: Layout, kind: str) -> tuple[dict[str, Mesh], dict
         return species.tree(kind, plan.seed + 3, kit.is_light)
     shape, seed = FIRST_TREES[kind]
     bsdfs = {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"}
-    if kit.is_light:
-        shape = species.light_shape(shape)
-    return vegetation.tree(shape, plan.seed + seed), bsdfs
+    return vegetation.tree(shape, plan.seed + seed, kit.is_light), bsdfs
 
 
 def _trees(kit: SceneKit, plan: Layout) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from ..generators.geometry.mesh import Mesh, levelled, merge
 from ..generators.kit import SceneKit
 from ..generators.roads import guardrail, road
+from ..generators.roads.wear import LaneSurface, add_wear
 from . import layout as at
 from .layout import Layout
 
@@ -29,6 +30,9 @@ def add_road(kit: SceneKit, plan: Layout) -> None:
     for name, offset in (("right", at.EDGE_RIGHT + 0.06), ("left", at.EDGE_LEFT - 0.06)):
         across = np.array([offset - 0.06, offset + 0.06])
         kit.add(f"marking_edge_{name}", road.strip(curve, s, across, np.full(2, MARKING_HEIGHT)), "road_marking")
+    if plan.variant:
+        lanes = [LaneSurface.along(curve, s, offset, 3.5) for offset in (0.0, 3.5)]
+        add_wear(kit, lanes, np.random.default_rng([plan.seed, 20]), "country")
     starts = np.arange(at.ROAD_START, at.ROAD_STOP - 4.0, 12.0) + 2.0
     kit.add("marking_centre", road.dashes(curve, starts, 4.0, 1.75, 0.12, MARKING_HEIGHT), "road_marking")
     for name, edge, sign in (("right", right, -1.0), ("left", left, 1.0)):

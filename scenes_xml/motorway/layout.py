@@ -45,6 +45,7 @@ class Layout:
     post_spacing: float
     traffic: tuple[Traffic, ...]
     trees: int
+    variant: int = 0
 
     @property
     def edge(self) -> float:
@@ -104,4 +105,5 @@ def layout(variant: int = 0) -> Layout:
         float(g.choice([2.0, 4.0])),
         tuple(traffic),
         int(g.integers(5, 13)),
+        variant,
     )

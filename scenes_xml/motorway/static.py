@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..generators.geometry.mesh import merge
+from ..generators.geometry.mesh import Mesh, merge
 from ..generators.kit import SceneKit
-from ..generators.plants import vegetation
-from ..generators.plants.planting import street_tree
+from ..generators.plants import species, vegetation
 from ..generators.roads import bridge, motorway, road
 from ..generators.roads.sweep import row, stations, sweep
+from ..generators.roads.wear import LaneSurface, add_wear
 from ..generators.roadside import furniture, gantry, traffic_light
+from ..generators.surfaces import leaves
 from . import layout as at
 
 MARK = 0.004
@@ -48,6 +49,9 @@ def add_road(kit: SceneKit, plan: at.Layout) -> None:
     ]
     kit.add("marking_dashes", merge(dashes), "line_white")
     kit.instance("lane_markings", "RoadLine", ["marking_*"])
+    if plan.variant:
+        lanes = [LaneSurface.along(curve, coarse, plan.offset(k), at.LANE) for k in range(-plan.lanes, plan.lanes)]
+        add_wear(kit, lanes, np.random.default_rng([at.SEED, plan.variant, 20]), "motorway")
     across = np.array([-0.01, 1.4, 3.5, 6.0, 14.0, 30.0, 75.0])
     heights = np.array([-0.03, -0.10, -0.45, -0.35, 0.1, 0.5, -1.7])
     for side, sign in (("left", 1.0), ("right", -1.0)):
@@ -146,10 +150,26 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
         where, yaw = _pose(plan, -88.0, plan.pavement + 4.0, -0.3, 180.0)
         kit.place(posts, "sign_exit_posts", "Pole", where, yaw)
         kit.place(board, "sign_exit", "TrafficSign", (where[0], where[1], 3.2), yaw)
-    bsdfs = {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"}
-    parts = street_tree(vegetation.TreeShape(9.0, 3.2, 2.2, 0.15, 12, 1700), at.SEED + 3, kit.is_light)
-    tree = None if kit.is_light else kit.prefab("tree", parts, bsdfs, 60.0)
-    copies: list[tuple[tuple[float, float, float], float, float]] = []
+    _trees(kit, plan)
+
+
+def _tree_kinds(plan: at.Layout, is_light: bool) -> dict[str, tuple[dict[str, Mesh], dict[str, str]]]:
+    """Return the parts of the kinds of trees and their materials: that of variant 0, or three that it draws."""
+    if plan.variant:
+        drawn = np.random.default_rng([at.SEED, plan.variant, 41]).permutation(species.COUNTRY)[:3]
+        return {f"tree_{kind}": species.tree(str(kind), at.SEED + 3, is_light) for kind in drawn}
+    parts = vegetation.tree(vegetation.TreeShape(9.0, 3.2, 2.2, 0.15, 12, 1700), at.SEED + 3, is_light)
+    return {"tree": (parts, {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"})}
+
+
+def _trees(kit: SceneKit, plan: at.Layout) -> None:
+    """Add trees beside the road and the woods behind them."""
+    curve, kinds = plan.curve, _tree_kinds(plan, kit.is_light)
+    if plan.variant:
+        kit.materials |= leaves.MATERIALS
+        kit.textures |= leaves.IMAGES
+    ready = {} if kit.is_light else {name: kit.prefab(name, *kind, 60.0) for name, kind in kinds.items()}
+    copies: dict[str, list[tuple[tuple[float, float, float], float, float]]] = {name: [] for name in kinds}
     g = np.random.default_rng(at.SEED + 40)
     count = 0
     while count < plan.trees:
@@ -161,15 +181,15 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
         )
         if abs(s - plan.bridge) < 22.0:
             continue
-        if tree is None:
-            copies.append((_pose(plan, s, offset, -0.3)[0], np.radians(turn), scale))
+        name, where = list(kinds)[count % len(kinds)], _pose(plan, s, offset, -0.3)[0]
+        if kit.is_light:
+            copies[name].append((where, turn, scale))
         else:
-            kit.place(tree, f"tree_{count:02d}", "Vegetation", _pose(plan, s, offset, -0.3)[0], turn, scale)
+            kit.place(ready[name], f"tree_{count:02d}", "Vegetation", where, turn, scale)
         count += 1
-    if tree is None:
-        for part, body in parts.items():
-            kit.add(f"trees_{part}", merge([body.moved(*copy) for copy in copies]), bsdfs[part], 60.0)
-        kit.instance("trees", "Vegetation")
+    for name, places in copies.items():
+        if places:
+            kit.copies(f"{name}s", "Vegetation", *kinds[name], places)
     where_wood = [
         curve.point(np.array(s), o)
         for s in np.arange(at.START, at.STOP, 14.0)

@@ -9,6 +9,7 @@ from ..generators.geometry.mesh import Array, Mesh, box, grid, merge
 from ..generators.kit import SceneKit
 from ..generators.roads.ground import Ground, far_field
 from ..generators.roads.walkways import split_near
+from ..generators.roads.wear import LaneSurface, add_wear
 from . import layout as at
 from .layout import ARMS, Plan, turned
 
@@ -56,6 +57,10 @@ def add_ground(kit: SceneKit, p: Plan) -> Ground:
     _islands(kit, p, ground)
     _middle(kit, p, ground)
     _markings(kit, p)
+    if p.variant:
+        arms = [line for name, line in at.drive_lines(p).items() if name.endswith(("_in", "_out"))]
+        lanes = [LaneSurface.level(line, 2.6) for line in arms]
+        add_wear(kit, lanes, np.random.default_rng([p.variant, 20]), "town")
     return ground
 
 

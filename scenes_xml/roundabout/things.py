@@ -7,8 +7,8 @@ import numpy as np
 from ..generators.buildings.houses import build_house, family_house, house_parts
 from ..generators.geometry import polygon
 from ..generators.geometry.mesh import Array, Mesh, grid, merge, outward, tube
-from ..generators.kit import SceneKit
-from ..generators.plants import planting, vegetation
+from ..generators.kit import Prefab, SceneKit
+from ..generators.plants import planting, species, vegetation
 from ..generators.roads.ground import Ground
 from ..generators.roadside import furniture, garden
 from ..generators.roadside.furniture import sign_stack
@@ -155,7 +155,7 @@ def _middle(kit: SceneKit, p: Plan, generator: np.random.Generator) -> None:
         kit.instance("sculpture", "Static", ["sculpture_*"], True)
     else:
         shape = vegetation.TreeShape(5.6, 1.7, 2.0, 0.1, 11, 1100, 0.3)
-        tree = kit.prefab("tree_middle", planting.street_tree(shape, p.variant + 40, kit.is_light), TREE, 60.0)
+        tree = kit.prefab("tree_middle", vegetation.tree(shape, p.variant + 40, kit.is_light), TREE, 60.0)
         for number in range(3):
             kit.place(tree, f"tree_middle_{number}", "Vegetation", on_mound(1.9, 2.1 * number + 0.4), 120.0 * number)
 
@@ -262,11 +262,16 @@ def _clear(p: Plan, place: Array, least: float) -> bool:
     return True
 
 
-def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generator) -> None:
+def _tree_kinds(kit: SceneKit, p: Plan) -> list[Prefab]:
+    """Return three kinds of trees, those of variant 0, or four that the variant draws."""
+    if p.variant:
+        drawn = np.random.default_rng([11, p.variant]).permutation(species.COUNTRY)[:4]
+        shapes = {str(kind): species.pruned(str(kind), 11.0, 3.0, 1.4) for kind in drawn}
+        return [species.prefab(kit, kind, p.variant + 11, shape) for kind, shape in shapes.items()]
     wide = vegetation.TreeShape(8.4, 2.9, 2.5, 0.15, 13, 1200, 0.40)
     slim = vegetation.TreeShape(6.8, 1.8, 2.3, 0.11, 10, 800, 0.36)
     kinds = [
-        kit.prefab(f"tree_{k}", planting.street_tree(s, p.variant * 3 + 11 + k, kit.is_light), TREE, 60.0)
+        kit.prefab(f"tree_{k}", vegetation.tree(s, p.variant * 3 + 11 + k, kit.is_light), TREE, 60.0)
         for k, s in enumerate((wide, slim))
     ]
     spruce = kit.prefab(
@@ -275,6 +280,11 @@ def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generato
         {"trunk": "bark_furrowed", "core": "needles"},
         40.0,
     )
+    return [*kinds, spruce]
+
+
+def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generator) -> None:
+    kinds = _tree_kinds(kit, p)
     placed: list[Array] = []
     houses = [
         np.array(item.offset[:2])
@@ -296,7 +306,7 @@ def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generato
         kind = int(generator.choice(3, p=(0.45, 0.35, 0.2)))
         scale = float(np.round(generator.uniform(0.85, 1.15), 2))
         number = len(placed)
-        thing = spruce if kind == 2 else kinds[kind]
+        thing = kinds[number % len(kinds) if p.variant else kind]
         kit.place(
             thing,
             f"tree_{number:02d}",

@@ -16,7 +16,7 @@ from ..generators.kit import SceneKit
 from ..generators.surfaces import interior, urban
 from ..packing import write_packed
 from . import layout as at
-from . import static
+from . import static, years
 from .lanes import lanes, walkways
 
 NAME = "signalised_crossing"
@@ -49,6 +49,8 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     static.add_houses(kit, plan)
     static.add_signals(kit, plan)
     static.add_furniture(kit, plan)
+    if variant:
+        years.add_years(kit, plan)
     kit.lanes += lanes(plan) + walkways(ground)
     kit.signals |= {"cycle": at.CYCLE, "green": at.GREEN}
     _traffic(kit, plan)

@@ -61,6 +61,7 @@ class Layout:
     shift: float
     stop: tuple[float, float]
     """Distance of the stop lines from the middle, along x and along y [m]."""
+    variant: int
 
 
 WALLS = ("facade_cream", "facade_rose", "facade_grey", "facade_brick", "facade_white", "facade_stone")
@@ -138,6 +139,7 @@ def layout(variant: int = 0) -> Layout:
         speed,
         0.0 if variant == 0 else float(g.uniform(0.0, 4.0)),
         lines,
+        variant,
     )
 
 

@@ -7,15 +7,17 @@ import numpy as np
 from ..generators.buildings import cityblock
 from ..generators.geometry import polygon
 from ..generators.geometry.mesh import Mesh, box, grid, merge
-from ..generators.kit import SceneKit
-from ..generators.plants import vegetation
-from ..generators.plants.planting import street_tree
+from ..generators.kit import Prefab, SceneKit
+from ..generators.plants import species, vegetation
 from ..generators.roads.ground import Ground
 from ..generators.roadside import bus_stop, furniture, traffic_light
 from ..generators.roadside.garden import gully_grate, manhole_cover
 from . import layout as at
 
 MARK = 0.004
+TREES = ((-34.0, 1.0), (-56.0, 1.0), (-50.0, -1.0), (44.0, 1.0), (57.0, -1.0), (70.0, 1.0))
+BENCHES = (-24.0, -40.0)
+"""Where trees, by x and side, and benches stand along the main street [m]."""
 
 
 def _rectangle(x: tuple[float, float], y: tuple[float, float], z: float, tile: float = 1.0) -> Mesh:
@@ -299,8 +301,8 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
     kit.place(speed, "sign_speed_west", "TrafficSign", (-62.0, -at.MAIN - 0.5, at.KERB), 0.0)
     kit.place(speed, "sign_speed_east", "TrafficSign", (64.0, at.MAIN + 0.5, at.KERB), 180.0)
     bench = kit.prefab("bench", furniture.bench(), {"wood": "door_wood", "frame": "black_plastic"})
-    kit.place(bench, "bench_0", "Static", (-24.0, -at.MAIN - 1.2, at.KERB), 0.0)
-    kit.place(bench, "bench_1", "Static", (-40.0, at.MAIN + 1.2, at.KERB), 180.0)
+    kit.place(bench, "bench_0", "Static", (BENCHES[0], -at.MAIN - 1.2, at.KERB), 0.0)
+    kit.place(bench, "bench_1", "Static", (BENCHES[1], at.MAIN + 1.2, at.KERB), 180.0)
     bin_parts = {
         "can": merge(
             [
@@ -314,18 +316,24 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
         ((plan.stop_x - 3.2, -at.MAIN - 1.6), (-22.2, -at.MAIN - 1.2), (14.0, at.MAIN + 1.2))
     ):
         kit.place(litter, f"litter_bin_{number}", "Static", (x, py, at.KERB))
+    _trees(kit, plan)
+
+
+def _tree_kinds(kit: SceneKit, plan: at.Layout) -> list[Prefab]:
+    """Return the kinds of trees: that of variant 0, or two that the variant draws."""
+    if plan.variant:
+        drawn = np.random.default_rng([at.SEED, plan.variant, 3]).permutation(species.TOWN)[:2]
+        return [species.prefab(kit, str(kind), at.SEED + 3, species.pruned(str(kind), 8.0, 2.0, 2.8)) for kind in drawn]
     shape = vegetation.TreeShape(7.2, 2.0, 2.8, 0.12, 10, 1500)
-    tree = kit.prefab(
-        "tree",
-        street_tree(shape, at.SEED + 3, False),
-        {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"},
-        60.0,
-    )
-    for number, (x, sign) in enumerate(
-        ((-34.0, 1.0), (-56.0, 1.0), (-50.0, -1.0), (44.0, 1.0), (57.0, -1.0), (70.0, 1.0))
-    ):
+    bsdfs = {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"}
+    return [kit.prefab("tree", vegetation.tree(shape, at.SEED + 3), bsdfs, 60.0)]
+
+
+def _trees(kit: SceneKit, plan: at.Layout) -> None:
+    kinds = _tree_kinds(kit, plan)
+    for number, (x, sign) in enumerate(TREES):
         kit.place(
-            tree,
+            kinds[number % len(kinds)],
             f"tree_{number}",
             "Vegetation",
             (x, sign * (at.MAIN + 1.3), at.KERB),

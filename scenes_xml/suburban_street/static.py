@@ -10,6 +10,7 @@ from ..generators.geometry.mesh import Array, Mesh, merge
 from ..generators.kit import SceneKit
 from ..generators.roads.ground import Ground, far_field
 from ..generators.roads.walkways import split_near
+from ..generators.roads.wear import LaneSurface, add_wear
 from ..generators.roadside import garden
 from . import layout as at
 from .layout import Plan
@@ -119,6 +120,9 @@ def _details(kit: SceneKit, p: Plan) -> None:
     edge = p.way.point(s, at.PARKING_EDGE)[:, :2]
     kit.add("marking_parking", polygon.stripes(edge, 1.0, 1.0, 0.1, MARK), "marking_worn")
     kit.instance("road_markings", "RoadLine", ["marking_parking"])
+    if p.variant:
+        surfaces = [LaneSurface.along(p.way, s, side * at.LANE, 2.7) for side in (-1.0, 1.0)]
+        add_wear(kit, surfaces, np.random.default_rng([p.variant, 20]), "town")
     if kit.is_light:
         return
     covers, grates = [], []

@@ -7,9 +7,10 @@ import numpy as np
 from ..generators.buildings.houses import house_parts
 from ..generators.geometry.mesh import Array, Mesh, merge
 from ..generators.kit import Prefab, SceneKit
-from ..generators.plants import planting, vegetation
+from ..generators.plants import planting, species, vegetation
 from ..generators.roads.ground import Ground
 from ..generators.roadside import furniture, garden
+from ..generators.roadside.bicycle_stand import place_bicycles
 from . import layout as at
 from .layout import Lot, Plan
 
@@ -25,6 +26,8 @@ def add_things(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Gene
     _street(kit, p, ground)
     _trees(kit, p, ground, generator)
     _bins(kit, p, generator)
+    if p.variant:
+        _bicycles(kit, p)
     _woods(kit, p, generator)
 
 
@@ -143,13 +146,26 @@ def _street(kit: SceneKit, p: Plan, ground: Ground) -> None:
             )
 
 
-def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generator) -> None:
+def _tree_kinds(kit: SceneKit, p: Plan) -> tuple[list[Prefab], Prefab]:
+    """Return the trees of the street, one kind or two, and that of the gardens: those of variant 0, or drawn."""
+    if p.variant:
+        g = np.random.default_rng([21, p.variant])
+        street = [str(kind) for kind in g.permutation(species.TOWN)[: int(g.integers(1, 3))]]
+        garden_kind = str(g.choice(species.GARDEN))
+        trees = [species.prefab(kit, kind, p.variant + 21, species.pruned(kind, 8.0, 2.1, 2.6)) for kind in street]
+        own = species.pruned(garden_kind, 5.5, 1.9, 1.4)
+        return trees, species.prefab(kit, garden_kind, p.variant + 22, own, "tree_garden")
     lime = vegetation.TreeShape(7.4, 2.1, 2.6, 0.12, 11, 1000, 0.36)
     fruit = vegetation.TreeShape(4.6, 1.7, 1.4, 0.09, 9, 650, 0.32)
     kinds = [
-        kit.prefab(f"tree_{k}", planting.street_tree(shape, p.variant * 3 + 21 + k, kit.is_light), TREE, 60.0)
+        kit.prefab(f"tree_{k}", vegetation.tree(shape, p.variant * 3 + 21 + k, kit.is_light), TREE, 60.0)
         for k, shape in enumerate((lime, fruit))
     ]
+    return kinds[:1], kinds[1]
+
+
+def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generator) -> None:
+    street, garden_tree = _tree_kinds(kit, p)
     step = 22.0 if kit.is_light else 13.0
     number = 0
     for side in (1, -1):
@@ -160,7 +176,12 @@ def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generato
             where, _ = p.way.place(places[0], p.kerb(side) + side * 1.05)
             scale = float(np.round(generator.uniform(0.8, 1.1), 2))
             kit.place(
-                kinds[0], f"tree_street_{number:02d}", "Vegetation", ground.on(where[None])[0], 53.0 * number, scale
+                street[number % len(street)],
+                f"tree_street_{number:02d}",
+                "Vegetation",
+                ground.on(where[None])[0],
+                53.0 * number,
+                scale,
             )
             number += 1
     shrub = (
@@ -189,7 +210,7 @@ def _trees(kit: SceneKit, p: Plan, ground: Ground, generator: np.random.Generato
                 lot.ends[0] + 1.0, p.pavement(lot.side) + lot.side * (lot.setback + 14.0), at.KERB_HEIGHT
             )
             kit.place(
-                kinds[1],
+                garden_tree,
                 f"tree_{lot.name}",
                 "Vegetation",
                 where,
@@ -220,6 +241,18 @@ def _bins(kit: SceneKit, p: Plan, generator: np.random.Generator) -> None:
                     lid=str(generator.choice(BINS)),
                 )
                 number += 1
+
+
+def _bicycles(kit: SceneKit, p: Plan) -> None:
+    """Park a bicycle beside the path of some houses, before the door."""
+    g = np.random.default_rng([p.variant, 23])
+    places = []
+    for lot in p.lots:
+        if g.uniform() < 0.35 and lot.is_near:
+            away = p.pavement(lot.side) + lot.side * (lot.setback - 2.0)
+            where, yaw = p.way.place(lot.door + 1.0, away, at.KERB_HEIGHT)
+            places.append((where, yaw + 90.0 * float(g.choice((1.0, -1.0)))))
+    place_bicycles(kit, places, g)
 
 
 def _woods(kit: SceneKit, p: Plan, generator: np.random.Generator) -> None:

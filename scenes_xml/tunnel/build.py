@@ -14,6 +14,7 @@ from ..generators.geometry.mesh import box, merge
 from ..generators.kit import SceneKit
 from ..generators.roads import road, tunnel
 from ..generators.roads.sweep import bar, lane_line, row, stations, sweep
+from ..generators.roads.wear import LaneSurface, add_wear
 from ..generators.roadside import furniture
 from ..generators.scene_toml import Lane
 from ..generators.surfaces import interior, textures
@@ -92,6 +93,9 @@ def _road(kit: SceneKit, plan: at.Layout) -> None:
         "marking_centre", merge([*twice, road.dashes(curve, np.array(outside), 3.0, 0.0, 0.12, MARK)]), "line_white"
     )
     kit.instance("road", "Roads", ["road_asphalt"])
+    if plan.variant:
+        lanes = [LaneSurface.along(curve, s, side * at.LANE, 3.5) for side in (-1.0, 1.0)]
+        add_wear(kit, lanes, np.random.default_rng([at.SEED, plan.variant, 20]), "country")
     kit.instance("markings", "RoadLine", ["marking_*"])
     kit.instance("walkways", "SideWalks", ["walkway_*"])
 

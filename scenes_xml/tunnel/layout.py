@@ -53,6 +53,7 @@ class Layout:
     coating: tuple[float, float, float]
     traffic: tuple[Traffic, ...]
     walker: float
+    variant: int = 0
 
 
 TRAFFIC = (
@@ -124,4 +125,5 @@ def layout(variant: int = 0) -> Layout:
         tuple(float(v) for v in g.uniform([0.85, 0.85, 0.7], [1.0, 1.0, 1.0])),
         tuple(traffic),
         float(g.uniform(20.0, 40.0)),
+        variant,
     )

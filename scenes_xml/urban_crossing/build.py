@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from ..generators.kit import SceneKit
-from ..generators.people import pedestrian
 from ..generators.scene_toml import ActorEntry
 from ..generators.surfaces import leaves, urban
 from ..generators.vehicles.cars import detailed as car
@@ -20,7 +19,7 @@ from ..generators.vehicles.cars.shapes import CARS as SHAPES
 from ..generators.vehicles.cars.shapes import ROLES
 from ..generators.xml import Placement
 from ..packing import write_packed
-from . import images, static, things
+from . import images, static, things, years
 from . import layout as at
 
 NAME = "urban_crossing"
@@ -49,19 +48,21 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     things.add_houses(kit, plan)
     things.add_furniture(kit, plan)
     things.add_trees(kit, plan)
+    if variant:
+        years.add_years(kit, plan)
     kit.lanes += at.lanes(plan)
     kit.parking += at.parking(plan)
     if variant == 0 and not kit.is_light:
         _own_parked(kit, plan)
         _own_cars(kit, plan)
-        _own_walkers(kit, plan)
     else:
-        _models(kit, plan)
+        _cars(kit, plan)
+    _walkers(kit, plan)
     kit.write()
 
 
-def _models(kit: SceneKit, plan: at.Layout) -> None:
-    """Add cars and people by the names of their models."""
+def _cars(kit: SceneKit, plan: at.Layout) -> None:
+    """Add cars by the names of their models."""
     for car_plan in plan.cars:
         x = car_plan.x
         positions = np.stack([x, np.full_like(x, car_plan.y), 0.0 * x], 1)
@@ -70,11 +71,20 @@ def _models(kit: SceneKit, plan: at.Layout) -> None:
     for parked in plan.parked:
         place = np.array([(parked.x[0], parked.y, 0.0)])
         kit.actor(parked.name, parked.model, np.zeros(1), place, parked.colours, np.zeros(1))
-    fine = np.linspace(at.TIMES[0], at.TIMES[-1], 10 * (len(at.TIMES) - 1) + 1)  # the ground slopes below their feet
+
+
+def _walkers(kit: SceneKit, plan: at.Layout) -> None:
+    """Add people by the names of their models; where the ground slopes below their feet with points close together."""
+    close = np.linspace(at.TIMES[0], at.TIMES[-1], 10 * (len(at.TIMES) - 1) + 1)
     for walker in plan.walkers:
-        positions = at.walker_positions(walker, fine, is_own=False)
-        yaw = float(np.degrees(np.arctan2(walker.velocity[1], walker.velocity[0])))
-        kit.actor(walker.name, walker.model, fine, positions, walker.colours, np.full(len(fine), yaw))
+        times = at.TIMES if walker.velocity[0] else close
+        yaw = np.full(len(times), np.degrees(np.arctan2(walker.velocity[1], walker.velocity[0])))
+        positions = at.walker_positions(walker, times)
+        kit.actors.append(
+            ActorEntry(
+                walker.name, "", times, positions, yaw, model=walker.model, variant=walker.colours, phase=walker.phase
+            )
+        )
 
 
 def _car_files(kit: SceneKit, kind: str, turning: bool) -> dict[str, tuple[str, str]]:
@@ -118,21 +128,6 @@ def _own_cars(kit: SceneKit, plan: at.Layout) -> None:
         positions = np.stack([x, np.full_like(x, car_plan.y), 0.0 * x], 1)
         yaw = np.full_like(x, car_plan.yaw_deg)
         kit.actors.append(ActorEntry(car_plan.name, "Car", at.TIMES, positions, yaw, joints))
-
-
-def _own_walkers(kit: SceneKit, plan: at.Layout) -> None:
-    for walker in plan.walkers:
-        positions = at.walker_positions(walker)
-        yaw = float(np.degrees(np.arctan2(walker.velocity[1], walker.velocity[0])))
-        where = (float(positions[0, 0]), float(positions[0, 1]), float(positions[0, 2]))
-        roles = dict(zip(("top", "trousers", "shoes"), walker.clothes, strict=True)) | {"skin": "skin", "hair": "hair"}
-        for part, (body, role) in pedestrian.body(walker.body).items():
-            shape = f"{walker.name}_{part}"
-            file = kit.writer.mesh(shape, body, 70.0)
-            kit.writer.placements.append(Placement(shape, file, roles[role], yaw, where))
-        joint = {"kind": "walk", "height": walker.body.height, "phase": walker.phase}
-        headings = np.full(len(at.TIMES), yaw)
-        kit.actors.append(ActorEntry(walker.name, "Pedestrian", at.TIMES, positions, headings, [joint]))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..generators.geometry.mesh import Array
-from ..generators.people.pedestrian import BodyShape
 from ..generators.roads.road import RoadCurve
 from ..generators.scene_toml import Lane, Parking
 
@@ -53,19 +52,17 @@ class CarPlan:
 
 @dataclass(frozen=True)
 class WalkerPlan:
-    """A person who walks straight on: body, where it is at time 0, velocity [m/s], phase of the gait and clothes.
+    """A person who walks straight on: where it is at time 0, velocity [m/s], phase of the gait [cycles].
 
-    `model` is that of scenes_xml/actors, where the body is not of meshes of its own.
+    `model` and its colours are those of scenes_xml/actors.
     """
 
     name: str
-    body: BodyShape
     start: tuple[float, float]
     velocity: tuple[float, float]
     phase: float
-    clothes: tuple[str, str, str]
-    model: str = ""
-    colours: str | None = None
+    model: str
+    colours: str
 
 
 @dataclass(frozen=True)
@@ -95,6 +92,8 @@ class Layout:
     cars: tuple[CarPlan, ...]
     parked: tuple[CarPlan, ...]
     walkers: tuple[WalkerPlan, ...]
+    works: float | None = None
+    """Middle of the parking place that works close [m]."""
 
     @property
     def seed(self) -> int:
@@ -148,17 +147,12 @@ PARKED = (
 """Cars at the right kerb of variant 0."""
 
 WALKERS = (
-    WalkerPlan("walker_0", BodyShape(1.78, 1.05), (21.1, -3.4), (0.0, 1.35), 0.10,
-               ("top_red", "trousers_blue", "shoes_dark"), "adult_man", "red"),
-    WalkerPlan("walker_1", BodyShape(1.24, 0.92, 1.15), (22.0, -3.7), (0.0, 1.35), 0.55,
-               ("top_yellow", "trousers_blue", "shoes_white"), "child", "yellow"),
-    WalkerPlan("walker_2", BodyShape(1.66, 0.95), (23.1, 8.0), (0.0, -1.20), 0.30,
-               ("top_grey", "trousers_dark", "shoes_dark"), "adult_woman", "plum"),
-    WalkerPlan("walker_3", BodyShape(1.84, 1.08), (5.0, -5.9), (1.45, 0.0), 0.80,
-               ("top_green", "trousers_dark", "shoes_dark"), "adult_man", "olive"),
-    WalkerPlan("walker_4", BodyShape(1.70, 1.0), (36.0, 6.3), (-1.30, 0.0), 0.20,
-               ("top_blue", "trousers_khaki", "shoes_white"), "adult_woman", "teal"),
-)  # fmt: skip # a table
+    WalkerPlan("walker_0", (21.1, -3.4), (0.0, 1.35), 0.10, "adult_man", "red"),
+    WalkerPlan("walker_1", (22.0, -3.7), (0.0, 1.35), 0.55, "child", "yellow"),
+    WalkerPlan("walker_2", (23.1, 8.0), (0.0, -1.20), 0.30, "adult_woman", "plum"),
+    WalkerPlan("walker_3", (5.0, -5.9), (1.45, 0.0), 0.80, "adult_man", "olive"),
+    WalkerPlan("walker_4", (36.0, 6.3), (-1.30, 0.0), 0.20, "adult_woman", "teal"),
+)
 FIRST = Layout(
     0,
     0.0,
@@ -225,7 +219,14 @@ def layout(variant: int = 0) -> Layout:
         cars,
         tuple(_parked(k, "", x, "", *VEHICLES[(first + 1 + k) % len(VEHICLES)]) for k, x in enumerate(taken)),
         _walkers(g, shift),
+        _works(variant, [float(bay) for bay in _bays(shift) if float(bay) not in taken]),
     )
+
+
+def _works(variant: int, free: list[float]) -> float | None:
+    """Return the parking place that works close, one of the free ones, in every second variant or so."""
+    g = np.random.default_rng([SEED, variant, 5])
+    return float(g.choice(free)) if free and g.uniform() < 0.5 else None
 
 
 def _trees(g: np.random.Generator, shift: float) -> tuple[TreePlan, ...]:
@@ -254,10 +255,10 @@ def _walkers(g: np.random.Generator, shift: float) -> tuple[WalkerPlan, ...]:
         ((22.0, right - float(g.uniform(0.2, 0.9))), (0.0, fast)),
         ((23.1, left), (0.0, slow)),
         ((float(g.uniform(0.0, 8.0)), -5.9), (float(g.uniform(1.2, 1.5)), 0.0)),
-        ((float(g.uniform(33.0, 42.0)), 6.3), (-float(g.uniform(1.1, 1.4)), 0.0)),
+        ((float(g.uniform(37.0, 46.0)), 6.3), (-float(g.uniform(1.1, 1.4)), 0.0)),  # late for those who cross
     )
     return tuple(
-        WalkerPlan(f"walker_{k}", BodyShape(), (x + shift, y), velocity, 0.0, ("", "", ""), *person)
+        WalkerPlan(f"walker_{k}", (x + shift, y), velocity, 0.0, *person)
         for k, (((x, y), velocity), person) in enumerate(zip(ways, chosen, strict=True))
     )
 
@@ -279,15 +280,9 @@ def crossing_height(y: Array) -> Array:
     return low * _smooth(over / 0.4 + 0.5) + (KERB_HEIGHT - low) * _smooth((over - RAMP[0]) / (RAMP[1] - RAMP[0]))
 
 
-def walker_positions(plan: WalkerPlan, times: Array = TIMES, is_own: bool = True) -> Array:
-    """Return positions over `times`, shape (n, 3).
-
-    Bodies of meshes of the scene's own (`is_own`) rise over a ramp of 0.8 m about the kerb, models with the ground.
-    """
+def walker_positions(plan: WalkerPlan, times: Array) -> Array:
+    """Return positions over `times` on the ground, shape (n, 3) [m]."""
     x, y = (np.array(plan.start)[:, None] + np.array(plan.velocity)[:, None] * times)[:2]
-    if is_own:
-        over = np.maximum(y - KERB_LEFT, KERB_RIGHT - y)
-        return np.stack([x, y, KERB_HEIGHT * np.clip(over / 0.8 + 0.5, 0.0, 1.0)], 1)
     return np.stack([x, y, np.full_like(y, KERB_HEIGHT) if plan.velocity[0] else crossing_height(y)], 1)
 
 
@@ -311,4 +306,5 @@ def parking(plan: Layout) -> list[Parking]:
     """Return the parking places at the right kerb; variant 0 has none, its cars stand there for good."""
     if plan.variant == 0:
         return []
-    return [Parking((float(x), BAY, 0.0), 0.0, 6.0, PARKING - KERB_RIGHT) for x in plan.bays]
+    free = plan.bays if plan.works is None else plan.bays[plan.bays != plan.works]
+    return [Parking((float(x), BAY, 0.0), 0.0, 6.0, PARKING - KERB_RIGHT) for x in free]

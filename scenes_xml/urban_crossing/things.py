@@ -80,8 +80,8 @@ def _tree(kit: SceneKit, plan: Layout, kind: str) -> tuple[dict[str, Mesh], dict
     """Return the parts of a kind of tree and their materials."""
     if kind in species.KINDS:
         return species.tree(kind, plan.seed + 3, kit.is_light)
-    shape = species.light_shape(FIRST_TREE) if kit.is_light else FIRST_TREE
-    return vegetation.tree(shape, plan.seed + 3), {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"}
+    parts = vegetation.tree(FIRST_TREE, plan.seed + 3, kit.is_light)
+    return parts, {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"}
 
 
 def add_trees(kit: SceneKit, plan: Layout) -> None:

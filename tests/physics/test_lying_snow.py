@@ -69,6 +69,20 @@ def test_snow_lies_on_ground_and_roofs_under_the_sky(tmp_path):
     assert set(wet.parts.material) >= {"snow_wet"} and not wet.weather.is_clear
 
 
+def test_what_lies_flush_in_a_road_is_cleared_with_it(tmp_path):
+    """A cover of 4 mm in the road is; one beside the road, and a slab of 0.2 m on it, are not."""
+    things = [
+        Thing("field", plane(120.0, 120.0, (0.0, 0.0, -0.01)), "Terrain"),
+        Thing("road", plane(120.0, 8.0), "Roads"),
+        Thing("cover", plane(0.6, 0.6, (5.0, 1.0, 0.004)), "Static"),
+        Thing("hatch", plane(0.6, 0.6, (5.0, 9.0, 0.004)), "Static"),
+        Thing("slab", plane(0.6, 0.6, (9.0, 1.0, 0.2)), "Static"),
+    ]
+    world = ss.load_scene(write_scene(tmp_path, things))
+    assert covered(world.with_weather(SNOW)) == {"field", "road", "cover", "hatch", "slab"}
+    assert covered(world.with_weather(SNOW.with_(lying_snow="beside_roads"))) == {"field", "hatch", "slab"}
+
+
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory):
     """A world under snow, and one whose ground and roofs were built of snow."""

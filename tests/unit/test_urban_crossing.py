@@ -40,8 +40,9 @@ def test_cars_and_people_stand_on_the_street(world):
         state = world.at(time)
         for actor in world.actors:
             _, y, z = state.actor_pose(actor.name).position
-            near_kerb = min(abs(y - layout.KERB_LEFT), abs(y - layout.KERB_RIGHT)) < 0.9
-            below = layout.KERB_HEIGHT if near_kerb else 0.0  # a body rises before its hind foot leaves the road
+            away = min(abs(y - layout.KERB_LEFT), abs(y - layout.KERB_RIGHT))
+            near_kerb = away < layout.RAMP[1] + 0.01
+            below = layout.KERB_HEIGHT if away < layout.RAMP[1] + 0.6 else 0.0  # the hind foot is on the ramp yet
             assert -0.025 - below < _lowest(world, state, actor.name) - z < 0.06, (actor.name, time)
             assert _lowest(world, state, actor.name) > -0.025, (actor.name, time)
             assert near_kerb or abs(z - layout.ground(y)) < 1e-6

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ...generators.geometry.loft import ellipsoid
 from ...generators.geometry.mesh import Array, Mesh, box, merge, tube
-from ...generators.people.pedestrian import ellipsoid
 from ...generators.vehicles.cycles.bicycle import disc, ring
 from ...generators.vehicles.vehicle_parts import bar
 from ...generators.xml import Bsdf

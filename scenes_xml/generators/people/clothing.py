@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..geometry.loft import ellipsoid, loft
 from ..geometry.mesh import Array, Mesh, box, merge, tube
 from .garments import Surface
-from .pedestrian import ellipsoid, loft
 
 HEIGHT = 1.75
 """Of the body whose `Surface.scale` is 1 [m]."""

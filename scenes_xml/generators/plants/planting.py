@@ -1,4 +1,4 @@
-"""Plants of streets and gardens: clipped hedges, shrubs, flower beds, and trees with few triangles."""
+"""Plants of streets and gardens: clipped hedges, shrubs, flower beds, and conifers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from ..geometry.mesh import Array, Mesh, grid, merge, outward, tube
 from ..geometry.polygon import length_along, resample, shifted
 from ..roads.road import smooth_noise
-from .vegetation import TreeShape, blob, tree, tufts
+from .vegetation import blob, tufts
 
 
 def hedge(
@@ -74,23 +74,6 @@ def flowers(places: Array, seed: int, height: float = 0.28) -> tuple[Mesh, Mesh]
     )
     petals = merge([blob(p, np.full(3, 0.05) * [1.0, 1.0, 0.6], seed * 7 + k, 3, 5, 0.1) for k, p in enumerate(tops)])
     return green, petals
-
-
-def street_tree(shape: TreeShape, seed: int, is_light: bool) -> dict[str, Mesh]:
-    """Return a tree as `vegetation.tree`, or with `is_light` its ``trunk`` and ``core``, a crown of four blobs."""
-    if not is_light:
-        return tree(shape, seed)
-    generator = np.random.default_rng(seed)
-    middle = 0.5 * (shape.crown_base + shape.height)
-    extent = np.array([shape.crown_radius, shape.crown_radius, 0.5 * (shape.height - shape.crown_base)])
-    crown = [blob(np.array([0.0, 0.0, middle]), 0.86 * extent, seed, 7, 10, 0.1)]
-    for k in range(3):
-        angle = 2 * np.pi * k / 3 + generator.uniform(-0.4, 0.4)
-        centre = np.array([np.cos(angle), np.sin(angle), generator.uniform(-0.3, 0.4)]) * 0.45 * extent
-        crown.append(blob(centre + [0.0, 0.0, middle], 0.58 * extent, seed * 13 + k, 6, 9, 0.12))
-    z = np.array([-0.3, 0.0, 0.6 * shape.crown_base, middle])
-    stem = tube(np.column_stack([0 * z, 0 * z, z]), shape.trunk_radius * np.array([1.4, 1.25, 1.0, 0.6]), 8)
-    return {"trunk": stem, "core": merge(crown)}
 
 
 def conifer(height: float, radius: float, seed: int, tiers: int = 7, is_light: bool = False) -> dict[str, Mesh]:

@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..geometry.mesh import Array, Mesh, merge, tube
+from ..kit import Prefab, SceneKit
+from ..surfaces import leaves
 from . import planting, vegetation
-from .vegetation import Crown, TreeShape, blob
-
-LIGHT_LEAVES, LIGHT_SIZE = 220, 0.8
-"""Of the light level: number of leaf cards, and how large they are [m]."""
+from .vegetation import LIGHT_LEAVES, LIGHT_SIZE, Crown, TreeShape, blob
 
 
 @dataclass(frozen=True)
@@ -60,15 +59,20 @@ KINDS: dict[str, Species] = {
 """Name of a kind -> what it is."""
 TOWN = ("lime", "plane", "maple", "poplar", "cherry")
 COUNTRY = ("oak", "lime", "maple", "birch", "poplar", "willow", "cherry", "pine", "spruce")
-"""Kinds of streets in towns, and of the country."""
+GARDEN = ("cherry", "maple", "birch", "spruce")
+"""Kinds of streets in towns, of the country, and of gardens."""
 
 
-def light_shape(shape: TreeShape) -> TreeShape:
-    """Return the measures of a tree with the few, large leaf cards of the light level."""
-    return replace(shape, blobs=min(shape.blobs, 8), leaves=LIGHT_LEAVES, leaf_size=LIGHT_SIZE)
+def pruned(kind: str, height: float, radius: float, base: float) -> TreeShape:
+    """Return the measures of a kind as a street tree: crown and height cut, its lower boughs taken off [m]."""
+    own = KINDS[kind].shape
+    size = min(own.height, height), min(own.crown_radius, radius), max(own.crown_base, base)
+    return replace(own, height=max(size[0], size[2] + 2.0), crown_radius=size[1], crown_base=size[2])
 
 
-def tree(kind: str, seed: int, is_light: bool = False) -> tuple[dict[str, Mesh], dict[str, str]]:
+def tree(
+    kind: str, seed: int, is_light: bool = False, shape: TreeShape | None = None
+) -> tuple[dict[str, Mesh], dict[str, str]]:
     """Return the parts of a tree, foot at the origin, and the material of each.
 
     Parameters
@@ -79,9 +83,11 @@ def tree(kind: str, seed: int, is_light: bool = False) -> tuple[dict[str, Mesh],
         Trees of one kind differ by it.
     is_light : bool
         Few triangles: fewer blobs, and large cards in place of leaves.
+    shape : TreeShape, optional
+        Measures in place of the kind's own, as from `pruned`.
     """
     species = KINDS[kind]
-    shape, generator = species.shape, np.random.default_rng([seed, sorted(KINDS).index(kind)])
+    shape, generator = shape or species.shape, np.random.default_rng([seed, sorted(KINDS).index(kind)])
     materials = {"trunk": species.bark, "core": species.core, "leaves": species.leaves}
     if species.form == "conifer":
         parts = planting.conifer(shape.height, shape.crown_radius, seed, is_light=is_light)
@@ -99,6 +105,13 @@ def tree(kind: str, seed: int, is_light: bool = False) -> tuple[dict[str, Mesh],
             "leaves": vegetation.foliage(crown, count, size * min(1.0, shape.crown_radius / 2.0), generator, droop),
         }
     return parts, {part: materials[part] for part in parts}
+
+
+def prefab(kit: SceneKit, kind: str, seed: int, shape: TreeShape | None = None, name: str = "") -> Prefab:
+    """Return a kind of tree to be placed in a scene, `tree` with the scene's level of detail, by a name of its own."""
+    kit.materials |= leaves.MATERIALS
+    kit.textures |= leaves.IMAGES
+    return kit.prefab(name or f"tree_{kind}", *tree(kind, seed, kit.is_light, shape), 60.0)
 
 
 def _blobs(crown: Crown) -> list[tuple[Array, Array]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,15 @@ class TreeShape:
     blobs: int = 16
     leaves: int = 4200
     leaf_size: float = 0.24
+
+
+LIGHT_LEAVES, LIGHT_SIZE, LIGHT_BLOBS = 220, 0.8, 8
+"""Of the light level: number of leaf cards, how large they are [m], and most blobs of a crown."""
+
+
+def light_shape(shape: TreeShape) -> TreeShape:
+    """Return the measures of a tree with the few, large leaf cards of the light level."""
+    return replace(shape, blobs=min(shape.blobs, LIGHT_BLOBS), leaves=LIGHT_LEAVES, leaf_size=LIGHT_SIZE)
 
 
 def blob(centre: Array, radii: Array, seed: int, rings: int = 8, segments: int = 12, bump: float = 0.12) -> Mesh:
@@ -78,8 +87,13 @@ class Crown:
     extent: Array
 
 
-def tree(shape: TreeShape, seed: int) -> dict[str, Mesh]:
-    """Return ``trunk``, ``core`` (inside of the crown) and ``leaves`` of a broad-leaved tree, foot at the origin."""
+def tree(shape: TreeShape, seed: int, is_light: bool = False) -> dict[str, Mesh]:
+    """Return ``trunk``, ``core`` (inside of the crown) and ``leaves`` of a broad-leaved tree, foot at the origin.
+
+    With `is_light` of few triangles: fewer and coarser blobs, and large cards in place of leaves.
+    """
+    shape = light_shape(shape) if is_light else shape
+    rings, segments = (4, 7) if is_light else (8, 12)
     generator = np.random.default_rng(seed)
     crown_height = shape.height - shape.crown_base
     middle = np.array([0.0, 0.0, shape.crown_base + 0.5 * crown_height])
@@ -90,9 +104,14 @@ def tree(shape: TreeShape, seed: int) -> dict[str, Mesh]:
     radii = (
         generator.uniform(0.30, 0.44, shape.blobs)[:, None] * extent * generator.uniform(0.85, 1.1, (shape.blobs, 3))
     )
-    core = merge([blob(c, 0.80 * r, seed * 101 + i) for i, (c, r) in enumerate(zip(centres, radii, strict=True))])
+    core = merge(
+        [
+            blob(c, 0.80 * r, seed * 101 + i, rings, segments)
+            for i, (c, r) in enumerate(zip(centres, radii, strict=True))
+        ]
+    )
     leaves = foliage(Crown(centres, radii, middle, extent), shape.leaves, shape.leaf_size, generator)
-    return {"trunk": trunk(shape, centres, generator), "core": core, "leaves": leaves}
+    return {"trunk": trunk(shape, centres[: 2 if is_light else 6], generator), "core": core, "leaves": leaves}
 
 
 def foliage(crown: Crown, count: int, size: float, generator: np.random.Generator, droop: float = 0.0) -> Mesh:

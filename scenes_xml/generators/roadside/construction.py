@@ -5,12 +5,19 @@ Foot at the origin; fences and scaffolding along x, their front at -y.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..geometry.mesh import Mesh, box, grid, merge, tube
+from ..kit import SceneKit
 
 PANEL = 3.5
 """Length of a panel of the fence [m]."""
+FENCE = {"steel": "galvanized_steel", "feet": "concrete_grey"}
+BOARD = {"face": "barrier_board", "back": "white_plastic", "feet": "black_plastic", "lamp": "reflector"}
+SCAFFOLDING = {"tubes": "galvanized_steel", "decks": "boards"}
+"""Materials of the parts of `fence_panel`, `barrier_board` and `scaffolding`."""
 
 
 def _plain(part: Mesh) -> Mesh:
@@ -61,6 +68,31 @@ def scaffolding(width: float, height: float, depth: float = 0.75, is_light: bool
             bay = number % bays
             bars.append(tube(np.array([(x[bay], front, z - 2.0), (x[bay + 1], front, z)]), 0.02, sides))
     return {"tubes": merge([_plain(bar) for bar in bars]), "decks": merge(decks)}
+
+
+def place_scaffolding(
+    kit: SceneKit, size: tuple[float, float], where: Sequence[float], yaw_deg: float, name: str = "scaffolding"
+) -> None:
+    """Place scaffolding of a width and a height [m] before a wall: `where` is its foot, to -y of it the street."""
+    thing = kit.prefab(name, scaffolding(*size, is_light=kit.is_light), SCAFFOLDING)
+    kit.place(thing, name, "Static", where, yaw_deg)
+
+
+def place_trench_works(kit: SceneKit, middle: Sequence[float], length: float, width: float) -> None:
+    """Close a parking place along x for works: boards at its ends, a fence towards the road at +y, and a heap of soil.
+
+    `middle` (3,), `length` and `width` are those of the place [m].
+    """
+    x, y, z = middle
+    board, fence = (
+        kit.prefab("works_board", barrier_board(), BOARD),
+        kit.prefab("works_fence", fence_panel(True), FENCE),
+    )
+    soil = kit.prefab("works_heap", {"soil": heap()}, {"soil": "soil"}, 60.0)
+    for number, (at, yaw) in enumerate(((x - 0.5 * length + 0.5, -90.0), (x + 0.5 * length - 0.5, 90.0))):
+        kit.place(board, f"works_board_{number}", "Static", (at, y, z), yaw)
+    kit.place(fence, "works_fence", "Fence", (x, y + 0.5 * width - 0.4, z), 180.0)
+    kit.place(soil, "works_heap", "Terrain", (x + 0.2, y - 0.3, z), 20.0, 0.28)
 
 
 def site_hut() -> dict[str, Mesh]:

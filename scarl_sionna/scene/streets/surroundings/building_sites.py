@@ -64,13 +64,11 @@ def add_scaffolding(site: Site, side: Side, middle: int, block: Block, back: flo
 
 
 def _fence(kit: SceneKit) -> Prefab:
-    bsdfs = {"steel": "galvanized_steel", "feet": "concrete_grey"}
-    return kit.prefab("beside_site_fence", construction.fence_panel(kit.is_light), bsdfs)
+    return kit.prefab("beside_site_fence", construction.fence_panel(kit.is_light), construction.FENCE)
 
 
 def _board(kit: SceneKit) -> Prefab:
-    bsdfs = {"face": "barrier_board", "back": "white_plastic", "feet": "black_plastic", "lamp": "reflector"}
-    return kit.prefab("beside_barrier_board", construction.barrier_board(), bsdfs)
+    return kit.prefab("beside_barrier_board", construction.barrier_board(), construction.BOARD)
 
 
 def _hut(kit: SceneKit) -> Prefab:
@@ -80,4 +78,4 @@ def _hut(kit: SceneKit) -> Prefab:
 
 def _scaffold(kit: SceneKit, name: str, block: Block) -> Prefab:
     parts = construction.scaffolding(block.width - 0.6, block.height, is_light=kit.is_light)
-    return kit.prefab(f"beside_{name}", parts, {"tubes": "galvanized_steel", "decks": "boards"})
+    return kit.prefab(f"beside_{name}", parts, construction.SCAFFOLDING)

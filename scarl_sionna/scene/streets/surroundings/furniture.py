@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes_xml.generators.geometry.mesh import Mesh, box, merge, tube
+from scenes_xml.generators.geometry.mesh import Mesh, box, merge
 from scenes_xml.generators.kit import Prefab, SceneKit
 from scenes_xml.generators.roadside import bus_stop, furniture, garden
-from scenes_xml.generators.vehicles.cycles import bicycle
+from scenes_xml.generators.roadside.bicycle_stand import parked_bicycle
 
 from ..building.signs import limit_face
 from ..model import Array
@@ -26,7 +26,6 @@ _NARROW = 2.0
 """Pavements from this width on have bicycles at their back [m]."""
 _AT_THE_BACK = ((0.2, "bench", 1.0), (0.33, "litter_bin", 0.3))
 """Least share that is not reached, thing, and half its length [m]; the others are bicycles."""
-_LEAN = np.radians(5.0)
 _BINS = ("bin_black", "bin_blue", "bin_yellow", "bin_green")
 
 
@@ -164,28 +163,7 @@ def _small(kit: SceneKit, kind: str) -> Prefab:
         body = merge([Mesh(part.vertices, part.faces) for part in can])
         return kit.prefab("beside_litter_bin", {"can": body}, {"can": "paint_green"})
     if kind == "bicycle":
-        return _bicycle(kit)
+        parts = parked_bicycle(kit.is_light)
+        return kit.prefab("beside_bicycle", parts, {name: name for name in parts})
     bsdfs = {"tub": "bin_black", "lid": "bin_black", "wheels": "tyre_rubber"}
     return kit.prefab("beside_waste_bin", garden.bin_on_wheels(), bsdfs)
-
-
-def _bicycle(kit: SceneKit) -> Prefab:
-    """Return a bicycle on its stand, which leans a little to the left, x along it."""
-    shape = bicycle.BicycleShape()
-    at = {"cranks": (shape.axle[0], 0.0, shape.axle[1])}
-    at |= {
-        f"{side}_pedal": (shape.axle[0] + sign * shape.crank, sign * shape.foot_y, shape.axle[1])
-        for side, sign in (("left", 1.0), ("right", -1.0))
-    }
-    looks = {"paint": "paint_green", "trim": "black_plastic", "tyre": "tyre_rubber", "headlamp": "white_plastic",
-             "taillamp": "black_plastic"}  # fmt: skip # a table
-    parts: dict[str, list[Mesh]] = {"stand": [tube(np.array([[-0.1, 0.05, 0.28], [-0.18, 0.22, 0.022]]), 0.008, 6)]}
-    for name, (mesh, look) in bicycle.build(shape, kit.is_light).items():
-        moved = mesh.moved(at.get(name, (0.0, 0.0, 0.0)))
-        parts.setdefault(looks.get(look, "grey_steel"), []).append(Mesh(moved.vertices, moved.faces))
-    parts["grey_steel"] += [Mesh(one.vertices, one.faces) for one in parts.pop("stand")]
-    cos, sin = np.cos(_LEAN), np.sin(_LEAN)
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
-    meshes = {name: merge(own) for name, own in parts.items()}
-    leant = {name: Mesh(mesh.vertices @ turn, mesh.faces) for name, mesh in meshes.items()}
-    return kit.prefab("beside_bicycle", leant, {name: name for name in leant})

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...geometry.loft import ellipsoid
 from ...geometry.mesh import Array, Mesh, box, extrude, grid, merge, outward, revolve, tube
-from ...people.pedestrian import ellipsoid
 
 Parts = dict[str, tuple[Mesh, str]]
 

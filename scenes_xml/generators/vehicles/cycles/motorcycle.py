@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...geometry.loft import ellipsoid, loft
 from ...geometry.mesh import Array, Mesh, box, extrude, merge, tube
-from ...people.pedestrian import ellipsoid, loft
 from .bicycle import Parts, bar, light_disc, mudguard, ring, without_ends
 
 
