@@ -45,7 +45,7 @@ SECTORS = {"front and rear": (0.0, 30.0), "oblique": (30.0, 60.0), "side": (60.0
 FLASH = (
     "the distance: the flashes of frame and wheels near broadside grow with it (near field: within 1.5 deg the "
     "largest is 0.8, 13.0 and 19.2 dBsm at 10, 30 and 100 m), and the sources' distances were not read. It is no "
-    "chance of the 72 azimuths: every half degree within 6 deg of both broadsides gives 3.2 dB"
+    "chance of the azimuths: every half degree within 6 deg of both broadsides gave 3.2 dB with a former rider"
 )
 GARMENTS = (
     "two adults in four garments; our clothes are one mean of many; means of powers. What clothes reflect was "
@@ -164,7 +164,8 @@ def cycles(folder: Path) -> list[Row]:
         low, high = sorted((belgiovane[name], quoted[name]))
         rows.append(
             Row(f"bicycle_{name.split()[0]}", f"mean RCS of a bicycle with rider, {name}, 10 m", "belgiovane", "dBsm",
-                low, high, "between", "held out", ours[name], "and Wengerter's Bicyclist.m; light geometry")
+                low, high, "between", "held out", ours[name],
+                "and Wengerter's Bicyclist.m; 36 azimuths, light geometry")
         )  # fmt: skip # a table
     gaps = sorted(round(one["side"] - one["oblique"], 2) for one in (belgiovane, quoted))
     rows.append(
