@@ -208,7 +208,7 @@ class World(Described):
         """Return this world under another lighting and in another weather, all the time."""
         other = copy.copy(self)
         other._changes = Changes()
-        other._dry = *self._dry[:2], lighting
+        other._dry, other._twins = (*self._dry[:2], lighting), dict(self._twins)
         return other.with_weather(weather)
 
     def release(self, kind: str) -> None:

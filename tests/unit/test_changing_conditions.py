@@ -60,6 +60,13 @@ def test_one_optical_twin_is_kept(dry) -> None:
     assert "optical" not in last._twins
 
 
+def test_what_changes_no_surface_and_no_light_keeps_the_optical_twin(dry) -> None:
+    world = dry.with_changes([Conditions(time=1.0, weather=Weather(wind=(4.0, 0.0)))])
+    first = world.at(0.5).world.twin("optical")
+    later = world.at(1.5).world
+    assert later.weather.wind == (4.0, 0.0) and later._twins["optical"] is first
+
+
 def test_a_world_that_is_changed_keeps_what_still_holds(dry) -> None:
     world = dry.with_changes(CHANGES)
     night = world.with_lighting("night")
