@@ -253,10 +253,9 @@ def label_cells(
     cells, powers, rows = [], [], []
     groups = _groups(labels)
     for number, index in enumerate(groups.rows()):
-        power = _synthesized(rd, paths.select(index)) if table is None else table.power(index, limit)
-        filled = np.flatnonzero(power)
+        filled, power = _synthesized(rd, paths.select(index)) if table is None else table.power(index, limit)
         cells.append(filled)
-        powers.append(power[filled])
+        powers.append(power)
         rows.append(np.full(len(filled), number))
     empty = np.zeros(0, dtype=np.int64)
     cell, row = (np.concatenate([empty, *blocks]) for blocks in (cells, rows))
@@ -296,12 +295,14 @@ def _groups(labels: PathLabels) -> _Groups:
     return _Groups(np.stack([number // 2, number % 2], axis=1), member.reshape(-1))
 
 
-def _synthesized(rd: RangeDoppler, paths: RadarPaths) -> Array:
-    """Return the power of paths alone in the cells of a map like the given one, flat."""
+def _synthesized(rd: RangeDoppler, paths: RadarPaths) -> tuple[npt.NDArray[np.int64], Array]:
+    """Return the cells that paths alone fill in a map like the given one, flat, and their power there [W]."""
     cube = virtual_cube(synthesize(paths, rd.radar), rd.radar)
     num_doppler, num_range = rd.data.shape[1:]
     alone = range_doppler(cube, rd.radar, *rd.window, num_range_bins=num_range, num_doppler_bins=num_doppler)
-    return alone.power.astype(np.float64).reshape(-1)
+    power = alone.power.astype(np.float64).reshape(-1)
+    filled = np.flatnonzero(power)
+    return filled, power[filled]
 
 
 def _assemble(

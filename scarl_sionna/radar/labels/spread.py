@@ -6,7 +6,7 @@ The transform, local to the main lobe.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TypeVar
 
@@ -30,6 +30,7 @@ from scarl_sionna.signal.windows import window_values
 Array = npt.NDArray[np.float64]
 _FieldsT = TypeVar("_FieldsT", bound="npt.NDArray[np.complexfloating]")
 Index = npt.NDArray[np.int64]
+Cells = npt.NDArray[np.int32]
 
 _STEPS_PER_BIN = 256
 _CELLS_PER_BLOCK, _PATHS_PER_BLOCK = 1_000_000, 1 << 16
@@ -238,8 +239,8 @@ class CellSpread:
         field[~cells.kept] = 0.0
         return cls(cells, field, (rd.data.shape[1], rd.data.shape[2]))
 
-    def power(self, index: Index, limit: float | None = None) -> Array:
-        """Return the power of some paths in every cell, averaged over the channels [W], flat.
+    def power(self, index: Index, limit: float | None = None) -> tuple[Index, Array]:
+        """Return the cells that some paths fill, flat and rising, and their power there, the mean of the channels [W].
 
         Parameters
         ----------
@@ -248,18 +249,26 @@ class CellSpread:
             Sidelobes of the paths' strongest cell down to this power are put onto the cells as well [W], along the
             range and along the Doppler axis, of all but paths too weak together. Left out: main lobes only.
         """
-        parts: list[_Part] = [(index, self._footprint)]
-        found = self._summed(parts)
-        if limit is None or not found.any():
-            return found
-        level = float(np.sqrt(limit / found.max()))
-        arms = self._arms(level)
-        if arms is None:
-            return found
-        size = np.sqrt(np.mean(np.abs(self.field[index]) ** 2, axis=1))
-        rising = np.argsort(size)
-        few = np.cumsum(size[rising]) * arms.highest < 0.5 * np.sqrt(limit)
-        return self._summed([*parts, (index[np.sort(rising[~few])], arms.footprint)])
+        filled = np.zeros(len(self._total), dtype=np.bool_)
+        self._put(index, self._footprint, filled)
+        used, found = self._found(filled)
+        highest = float(found.max(initial=0.0))
+        if limit is not None and highest:
+            arms = self._arms(float(np.sqrt(limit / highest)))
+            if arms is not None:
+                size = self._size[index]
+                rising = np.argsort(size)
+                few = np.cumsum(size[rising]) * arms.highest < 0.5 * np.sqrt(limit)
+                self._put(index[np.sort(rising[~few])], arms.footprint, filled)
+                used, found = self._found(filled)
+        self._total[used] = 0.0
+        some = np.flatnonzero(found)
+        return used[some], found[some]
+
+    @cached_property
+    def _size(self) -> Array:
+        """Amplitude of each path, its root mean square over the channels [sqrt(W)]."""
+        return np.asarray(np.sqrt(np.mean(np.abs(self.field) ** 2, axis=1)))
 
     def _arms(self, level: float) -> _Arms | None:
         """Return the sidelobes above a level of the amplitude; None if there are none."""
@@ -268,28 +277,33 @@ class CellSpread:
         if all(len(lobe) <= count for lobe, count in zip(wide, main, strict=True)):
             return None
         highest = max(float(np.abs(lobe[count:]).max(initial=0.0)) for lobe, count in zip(wide, main, strict=True))
-        return _Arms(self, wide[0], wide[1], highest)
+        beside = [_without_main(lobe, count) for lobe, count in zip(wide, main, strict=True)]
+        return _Arms(self, _Lobe(beside[0]), _Lobe(beside[1]), highest)
 
-    def _summed(self, parts: list[_Part]) -> Array:
-        """Return the power in every cell of the summed fields of paths, flat; each part has its footprint."""
-        total, filled = self._total, np.zeros(len(self._total), dtype=np.bool_)
-        place = np.empty(len(total), dtype=np.int64)
-        for index, footprint in parts:
-            for block in _blocks(index, footprint):
-                cell, weight = footprint(block)
-                touched = np.zeros(len(total), dtype=np.bool_)
-                touched[cell.ravel()] = True
-                filled |= touched
-                used = np.flatnonzero(touched)
-                place[used] = np.arange(len(used))
-                starts = np.arange(len(block) + 1) * cell.shape[1]
-                spread = csr_array((weight.ravel(), place[cell.ravel()], starts), shape=(len(block), len(used)))
-                total[used] += spread.T @ self.field[block].astype(np.complex128).view(np.float64)
+    def _put(self, index: Index, footprint: _Footprint, filled: npt.NDArray[np.bool_]) -> None:
+        """Add the fields of paths to those in the cells of their footprints, and mark these as filled."""
+        total, place = self._total, self._place
+        for block in _blocks(index, footprint):
+            cell, weight = footprint(block)
+            touched = np.zeros(len(total), dtype=np.bool_)
+            touched[cell] = True
+            filled |= touched
+            used = np.flatnonzero(touched)
+            place[used] = np.arange(len(used), dtype=np.int32)
+            starts = np.arange(len(block) + 1, dtype=np.int32) * np.int32(cell.shape[1])
+            spread = csr_array((weight.ravel(), place[cell.ravel()], starts), shape=(len(block), len(used)))
+            total[used] += spread.T @ self.field[block].astype(np.complex128).view(np.float64)
+
+    def _found(self, filled: npt.NDArray[np.bool_]) -> tuple[Index, Array]:
+        """Return the cells that were filled, and the power of what was put onto them."""
         used = np.flatnonzero(filled)
-        out = np.zeros(len(total))
-        out[used] = np.sum(total[used] ** 2, axis=1) / self.field.shape[1]
-        total[used] = 0.0
-        return out
+        fields = self._total[used]
+        return used, np.einsum("cf,cf->c", fields, fields) / self.field.shape[1]
+
+    @cached_property
+    def _place(self) -> npt.NDArray[np.int32]:
+        """Room for the numbers of cells among those that a block of paths fills."""
+        return np.empty(len(self._total), dtype=np.int32)
 
     @cached_property
     def _total(self) -> Array:
@@ -297,21 +311,25 @@ class CellSpread:
         return np.zeros((self.shape[0] * self.shape[1], 2 * self.field.shape[1]))
 
     def _footprint(
-        self, index: Index, doppler_lobe: Array | None = None, range_lobe: Array | None = None
-    ) -> tuple[Index, Array]:
+        self, index: Index, doppler_lobe: _Lobe | None = None, range_lobe: _Lobe | None = None
+    ) -> tuple[Cells, Array]:
         """Return the flat cells of each path's lobe and the lobe's value there, shapes (len(index), num_cells)."""
         radar = self.cells.radar
         num_doppler, num_range = self.shape
-        over_doppler = self.cells.doppler_lobe if doppler_lobe is None else doppler_lobe
-        over_range = self.cells.range_lobe if range_lobe is None else range_lobe
-        rows, by_row = _axis(self.cells.doppler_bin[index], radar.num_chirps, num_doppler, over_doppler)
+        over_doppler, over_range = doppler_lobe or self._main[0], range_lobe or self._main[1]
+        rows, by_row = over_doppler.bins(self.cells.doppler_bin[index], radar.num_chirps, num_doppler)
         rows = (rows + num_doppler // 2) % num_doppler
         doppler = (rows - num_doppler // 2) / (num_doppler * radar.doppler_interval)
         place = self.cells.range_bin(index, doppler)
-        columns, by_column = _axis(place, radar.num_samples, num_range, over_range)
-        flat = rows[:, :, None] * num_range + columns
-        weight = by_row[:, :, None] * by_column
-        return flat.reshape(len(index), -1), weight.reshape(len(index), -1)
+        columns, weight = over_range.bins(place, radar.num_samples, num_range)
+        columns += rows[:, :, None] * np.int32(num_range)
+        weight *= by_row[:, :, None]
+        return columns.reshape(len(index), -1), weight.reshape(len(index), -1)
+
+    @cached_property
+    def _main(self) -> tuple[_Lobe, _Lobe]:
+        """Main lobes over Doppler and over range."""
+        return _Lobe(self.cells.doppler_lobe), _Lobe(self.cells.range_lobe)
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,22 +337,18 @@ class _Arms:
     """Sidelobes of paths along both axes, through their main lobes; `highest` is the highest sidelobe."""
 
     spread: CellSpread
-    doppler_lobe: Array
-    range_lobe: Array
+    beside_doppler: _Lobe
+    beside_range: _Lobe
     highest: float
 
-    def footprint(self, index: Index) -> tuple[Index, Array]:
+    def footprint(self, index: Index) -> tuple[Cells, Array]:
         """Return the flat cells of each path's sidelobes and their values there."""
-        cells = self.spread.cells
-        beside_range = _without_main(self.range_lobe, len(cells.range_lobe))
-        beside_doppler = _without_main(self.doppler_lobe, len(cells.doppler_lobe))
-        along = self.spread._footprint(index, None, beside_range)
-        across = self.spread._footprint(index, beside_doppler, None)
+        along = self.spread._footprint(index, None, self.beside_range)
+        across = self.spread._footprint(index, self.beside_doppler, None)
         return np.concatenate([along[0], across[0]], axis=1), np.concatenate([along[1], across[1]], axis=1)
 
 
-_Footprint = Callable[[Index], tuple[Index, Array]]
-_Part = tuple[Index, _Footprint]
+_Footprint = Callable[[Index], tuple[Cells, Array]]
 
 
 def _blocks(index: Index, footprint: _Footprint) -> list[Index]:
@@ -358,14 +372,58 @@ def _without_main(lobe: Array, count: int) -> Array:
     return out
 
 
-def _axis(place: Array, count: int, num_bins: int, lobe: Array) -> tuple[Index, Array]:
-    """Return the bins within the main lobe along one axis and the lobe's value there; each bin once."""
-    scale = num_bins / count
-    reach = len(lobe) / _STEPS_PER_BIN * scale
-    width = min(int(np.floor(2.0 * reach)) + 1, num_bins)
-    first = np.ceil(place * scale - reach).astype(np.int64)
-    bins = first[..., None] + np.arange(width)
-    offset = bins / scale - place[..., None]
-    if len(lobe) / _STEPS_PER_BIN > count / 2.0:
-        offset = _wrapped(offset, count)
-    return bins % num_bins, _lobe_at(lobe, offset)
+@dataclass(frozen=True, eq=False)
+class _Lobe:
+    """A response from 0 on, symmetric, `_STEPS_PER_BIN` values a bin, and where it is on the bins of an axis."""
+
+    values: Array
+    known: dict[tuple[int, int], tuple[Array, Array, Array]] = field(default_factory=dict)
+
+    def bins(self, place: Array, count: int, num_bins: int) -> tuple[Cells, Array]:
+        """Return the bins within the response about places on an axis [bins of `count`] and its value there.
+
+        Each bin once, of `num_bins` that are as wide as the axis together: shapes (..., number of bins).
+        """
+        scale = num_bins / count
+        reach = len(self.values) / _STEPS_PER_BIN * scale
+        width = min(int(np.floor(2.0 * reach)) + 1, num_bins)
+        first = np.ceil(place * scale - reach)
+        step = (first / scale - place) * _STEPS_PER_BIN
+        bins: Cells = np.mod(first.astype(np.int32), np.int32(num_bins))[..., None] + np.arange(width, dtype=np.int32)
+        bins -= np.int32(num_bins) * (bins >= num_bins)
+        apart = _STEPS_PER_BIN * count / num_bins
+        if len(self.values) / _STEPS_PER_BIN > count / 2.0 or apart != int(apart):
+            offset = (step[..., None] + np.arange(width) * apart) / _STEPS_PER_BIN
+            return bins, _lobe_at(self.values, _wrapped(offset, count))
+        whole = np.maximum(np.floor(step), -len(self.values))  # rounding may lead below the table
+        row = whole.astype(np.int64) + len(self.values)
+        return bins, self._between(row, step - whole, int(apart), width)
+
+    def _between(self, row: Index, share: Array, apart: int, width: int) -> Array:
+        """Return the values at `width` places `apart` steps from each other, the first between two of the table.
+
+        The bins of a path are equally far from the values of the table beside them: one row has them all.
+        """
+        value, slope, at_step = self._rows(apart, width)
+        out = np.take(slope, row, axis=0)
+        out *= share[..., None]
+        out += np.take(value, row, axis=0)
+        exact = share == 0.0
+        if exact.any():
+            out[exact] = at_step[row[exact]]
+        return out
+
+    def _rows(self, apart: int, width: int) -> tuple[Array, Array, Array]:
+        """Return values beyond each step, their slopes, and values on it, (num_steps, width), from below the lobe on.
+
+        They are 0 beyond the lobe, so that its last value counts on its step alone.
+        """
+        key = apart, width
+        if key not in self.known:
+            count = len(self.values)
+            on_step = np.concatenate([[0.0], self.values[:0:-1], self.values, np.zeros(apart * width + 1)])
+            slope, beyond = np.diff(on_step, append=0.0), on_step.copy()
+            slope[[0, 2 * count - 1]] = beyond[2 * count - 1] = 0.0
+            place = np.arange(apart + 1)[:, None] + apart * np.arange(width)
+            self.known[key] = beyond[place], slope[place], on_step[place]
+        return self.known[key]

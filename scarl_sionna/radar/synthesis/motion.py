@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -61,16 +60,24 @@ class Arms:
         """Return an antenna's places, shape (num_times, 3) [m]; that of the centre if None."""
         if antenna is None:
             return np.zeros((len(times), 3))
-        if not self.spin.any():
-            return np.broadcast_to(self.start[antenna], (len(times), 3))
-        turns = Rotation.from_rotvec(times[:, None] * self.spin)
-        return np.asarray(turns.apply(self.start[antenna]), dtype=np.float64)
+        start, rate = self.start[antenna], float(np.linalg.norm(self.spin))
+        if not rate:
+            return np.broadcast_to(start, (len(times), 3))
+        axis, angle = self.spin / rate, rate * times[:, None]
+        along = (start @ axis) * axis
+        return np.asarray(along + np.cos(angle) * (start - along) + np.sin(angle) * (self._across @ start / rate))
+
+    @cached_property
+    def _across(self) -> Array:
+        """Matrix that makes the cross product of the spin with a vector."""
+        x, y, z = self.spin
+        return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
     def motion(self, antenna: int | None, times: Array) -> tuple[Array, Array, Array]:
         """Return places, velocities and accelerations, shape (num_times, 3) [m], [m/s], [m/s2]."""
         place = self.at(antenna, times)
-        velocity = np.cross(self.spin, place)
-        return place, velocity, np.cross(self.spin, velocity)
+        velocity = place @ self._across.T
+        return place, velocity, velocity @ self._across.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +147,7 @@ class Reflected:
 
 def _terms(ahead: Array, velocity: Array, acceleration: Array) -> Terms:
     """Return the length of vectors (..., 3) and its derivatives from theirs."""
-    length = np.linalg.norm(ahead, axis=-1)
+    length = np.sqrt(np.einsum("...i,...i->...", ahead, ahead))
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = np.einsum("...i,...i->...", ahead, velocity) / length
         bend = np.einsum("...i,...i->...", velocity, velocity) + np.einsum("...i,...i->...", ahead, acceleration)
