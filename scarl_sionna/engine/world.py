@@ -41,7 +41,7 @@ from .instances import Shapes, check_bodies, describe_instance
 from .light.lamps import Moment
 from .rays.bent_faces import BentFaces, bent_faces
 from .rays.cast import Target, cast_rays
-from .rays.enclosure import hits_above, is_enclosed, is_left_behind
+from .rays.enclosure import enclosing, hits_above, is_left_behind
 from .rays.footing import Footing
 from .rays.geometry import Triangles, upright_box
 from .snow_cover import SKY, snow_covered
@@ -695,14 +695,8 @@ class WorldState(Described):
         An actor made of several shells (a cabin behind separate panes) encloses a point from which no ray gets out.
         Rooms (``room = true`` in scene.toml) are there to be stood in and do not count.
         """
-        where = np.asarray(point, dtype=np.float64)
-        lower, upper = self._bounds
-        for info in self.world.instances.values():
-            parts = list(info.parts)
-            near = np.all(where >= lower[parts].min(axis=0)) and np.all(where <= upper[parts].max(axis=0))
-            if near and not info.is_room and is_enclosed(where, info, self._triangles, self.cast):
-                return info.name
-        return None
+        where, loaded = np.asarray(point, dtype=np.float64), "optical" in self.world._twins
+        return enclosing(where, self.world.instances.values(), self._bounds, self._triangles, self.cast, loaded)
 
 
 class _PlacedState(WorldState):

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +27,8 @@ from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import MitsubaObject
 
 if TYPE_CHECKING:
-    from scarl_sionna.engine.world import WorldState
+    from scarl_sionna.engine.rays.geometry import Triangles
+    from scarl_sionna.engine.world import World, WorldState
 
 Array = npt.NDArray[np.float64]
 
@@ -34,6 +36,9 @@ NONE, SPECULAR, DIFFUSE, REFRACTION, DIFFRACTION = 0, 1, 2, 4, 8
 """Kinds of interaction, the numbers of Sionna RT's ``InteractionType``."""
 LANES_PER_BATCH = 1 << 24
 """Depth times rays times targets of one call of the solver: its arrays of candidates then stay below 1 GB."""
+
+_static_extents: WeakKeyDictionary[World, dict[tuple[int, int], float]] = WeakKeyDictionary()
+"""Extents that :func:`mirror_extent` found on parts at rest, by part and face [m]."""
 
 
 class PathBufferOverflowError(ScarlError):
@@ -332,7 +337,16 @@ def mirror_extent(state: WorldState, part: int, face: int) -> float:
 
     The region is all faces of the part in the same plane (1e-3 rad, 1 mm), joined or not.
     """
-    triangles = state._triangles
+    if state.world.parts.actor[part] >= 0:
+        return _extent(state._triangles, part, face)
+    known = _static_extents.setdefault(state.world, {})
+    if (part, face) not in known:
+        known[part, face] = _extent(state._triangles, part, face)
+    return known[part, face]
+
+
+def _extent(triangles: Triangles, part: int, face: int) -> float:
+    """Return what :func:`mirror_extent` does, from all triangles of a state."""
     rows = slice(triangles.first[part], triangles.first[part + 1])
     normal, offset = triangles.normal[rows], triangles.offset[rows]
     sign = np.sign(normal @ normal[face])
