@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scarl_sionna.radar.labels.spread import _Lobe, main_lobe
+from scarl_sionna.radar.synthesis.expansion import polynomials
 from scarl_sionna.radar.synthesis.motion import Arms
 from scarl_sionna.radar.synthesis.phase import phasor
 
@@ -17,6 +18,14 @@ def test_a_phasor_is_a_cosine_and_a_sine_to_the_last_digits() -> None:
     angle = 2.0 * np.pi * (cycles - np.rint(cycles))
     found = phasor(cycles.reshape(-1, 4)).reshape(-1)
     assert np.abs(found - (np.cos(angle) + 1j * np.sin(angle))).max() < 2e-15  # a few roundings of 1.1e-16 each
+
+
+def test_polynomials_are_cosines_of_multiples() -> None:
+    values = np.concatenate([np.random.default_rng(3).uniform(-1.0, 1.0, 1000), [-1.0, 0.0, 1.0, 1.0 + 1e-9]])
+    angle = np.arccos(np.clip(values, -1.0, 1.0))
+    for count in (1, 2, 12):
+        found = polynomials(values.reshape(4, -1), count).reshape(count, -1)
+        np.testing.assert_allclose(found, np.cos(np.arange(count)[:, None] * angle), atol=1e-13)
 
 
 @pytest.mark.parametrize("spin", [(0.0, 0.0, 0.0), (0.0, 0.0, 0.3), (0.4, -1.0, 2.0)])

@@ -18,6 +18,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import finufft
 import numpy as np
@@ -49,8 +50,8 @@ MAX_CELLS = 8_000_000
 """Largest grid: bounds the memory."""
 KERNEL_CELLS, KERNEL_SHIFTS = 64, 8
 """Grid and shifts of the point on which the spreading kernel is measured."""
-BLOCK_ROWS = 64
-"""Rows of the chirp-z transform done at once, so that they stay in the cache."""
+BLOCK_VALUES = 1 << 17
+"""Values of the chirp-z transform worked on at once, whole rows, so that they stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +170,7 @@ def _upsampling(tolerance: float) -> float:
     return 1.5 if tolerance >= 1e-7 else 2.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Spreader:
     """Precision of one term's spreading, and the Fourier transform of its kernel."""
 
@@ -188,6 +189,7 @@ class _Spreader:
         """Type of the points."""
         return np.float64 if self.dtype == "complex128" else np.float32
 
+    @lru_cache(maxsize=64)  # noqa: B019: three numbers are no state that could be kept alive
     def kernel_transform(self) -> CubicSpline:
         """Return the kernel's Fourier transform over cycles a cell in [-1/2, 1/2], measured on points between cells."""
         plan = self.plan((KERNEL_CELLS, KERNEL_CELLS))
@@ -317,8 +319,9 @@ class Transform:
         """Add one term's transform of the spread cells (range, Doppler) to `out` (samples, chirps)."""
         count, (num_chirps, num_rows) = len(out), (out.shape[1], len(cells))
         rows = fft.ifft(cells, axis=0, norm="forward", overwrite_x=True)
-        for start in range(0, count, BLOCK_ROWS):
-            block = slice(start, min(start + BLOCK_ROWS, count))
+        many = max(1, BLOCK_VALUES // self._length)
+        for start in range(0, count, many):
+            block = slice(start, min(start + many, count))
             source = (np.arange(block.start, block.stop) - count // 2) % num_rows
             values = rows[source]
             values *= self._first[block]

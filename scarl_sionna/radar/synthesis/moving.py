@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -231,7 +232,9 @@ def _ended(motion: PathMotion, radar: RadarSpec, size: int, tolerance: float) ->
     return Series.of(np.concatenate(tried, axis=2), tolerance)
 
 
+@lru_cache(maxsize=256)
 def _block(radar: RadarSpec, first: int, size: int) -> Block:
+    """Return some chirps of a frame; the same blocks are tried for many paths, and taken again for the next frame."""
     count = min(size, radar.num_chirps - first)
     return Block(radar if count == radar.num_chirps else chirps_of(radar, first, count), first)
 

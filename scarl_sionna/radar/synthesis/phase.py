@@ -13,6 +13,7 @@ beat signal's phase in cycles, at the time ts since the ramp's own start, is ``f
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -64,13 +65,13 @@ class FrameGrid:
 
     radar: RadarSpec
 
-    @property
+    @cached_property
     def x(self) -> Array:
         """Fast time about the middle of the samples [s], shape (num_samples,)."""
         count = self.radar.num_samples
         return np.asarray((np.arange(count) - (count - 1) / 2.0) / self.radar.sample_rate, dtype=np.float64)
 
-    @property
+    @cached_property
     def y(self) -> Array:
         """Slow time about the middle of the chirps [s], shape (num_chirps,)."""
         count, offsets = self.radar.num_chirps, self.radar.waveform.chirp_delays
