@@ -189,7 +189,7 @@ class _Spreader:
         """Type of the points."""
         return np.float64 if self.dtype == "complex128" else np.float32
 
-    @lru_cache(maxsize=64)  # noqa: B019: three numbers are no state that could be kept alive
+    @lru_cache(maxsize=64)  # noqa: B019
     def kernel_transform(self) -> CubicSpline:
         """Return the kernel's Fourier transform over cycles a cell in [-1/2, 1/2], measured on points between cells."""
         plan = self.plan((KERNEL_CELLS, KERNEL_CELLS))
