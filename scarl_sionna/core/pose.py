@@ -61,12 +61,23 @@ class Pose(Described):
         norm = math.sqrt(quaternion @ quaternion)
         if not math.isfinite(norm) or norm < 1e-12:
             raise ParameterRangeError("quaternion", self.quaternion, allowed, _EULER)
+        self._take(position, quaternion, norm)
+
+    def _take(self, position: Array, quaternion: Array, norm: float) -> None:
+        """Keep arrays that nobody else has; `norm` is the length of the quaternion."""
         if abs(norm - 1.0) > 1e-15:  # not twice: a pose read from a file keeps its last bit
             quaternion = quaternion / norm
         position.setflags(write=False)
         quaternion.setflags(write=False)
         object.__setattr__(self, "position", position)
         object.__setattr__(self, "quaternion", quaternion)
+
+    @classmethod
+    def _made(cls, position: Array, quaternion: Array) -> Pose:
+        """Return the pose of new arrays that follow from other poses: they need no check."""
+        pose = object.__new__(cls)
+        pose._take(position, quaternion, math.sqrt(quaternion @ quaternion))
+        return pose
 
     @classmethod
     def from_rotation(cls, position: npt.ArrayLike, rotation: npt.ArrayLike) -> Pose:
@@ -173,7 +184,7 @@ class Pose(Described):
 
     def compose(self, other: Pose) -> Pose:
         """Return the pose ``self @ other``."""
-        return Pose(self.apply(other.position), _product(self.quaternion, other.quaternion))
+        return Pose._made(self.apply(other.position), _product(self.quaternion, other.quaternion))
 
     def __repr__(self) -> str:
         return f"Pose({', '.join(f'{name}={text}' for name, text in self._facts())})"
@@ -233,6 +244,15 @@ class Twist(Described):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
 
+    @classmethod
+    def _made(cls, linear: Array, angular: Array) -> Twist:
+        """Return the twist of new arrays that follow from other twists: they need no check."""
+        twist = object.__new__(cls)
+        for name, value in (("linear", linear), ("angular", angular)):
+            value.setflags(write=False)
+            object.__setattr__(twist, name, value)
+        return twist
+
     def __repr__(self) -> str:
         return f"Twist({', '.join(f'{name}={text}' for name, text in self._facts())})"
 
@@ -243,5 +263,8 @@ class Twist(Described):
         """Return the velocity [m/s] of points at `offset` (..., 3) [m, world axes] from the body's origin."""
         lever = np.asarray(offset, dtype=np.float64)
         a, b, c = self.angular.tolist()
+        if lever.ndim == 1:
+            x, y, z = lever.tolist()
+            return self.linear + np.array([b * z - c * y, c * x - a * z, a * y - b * x])
         x, y, z = lever[..., 0], lever[..., 1], lever[..., 2]
         return self.linear + np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)

@@ -43,8 +43,10 @@ _DEFAULT_COLOR = "0.45, 0.45, 0.45"
 _RADIO_BSDFS = ("itu-radio-material", "radio-material", "itu-radio-material-no-scattering")
 
 
-_WRITTEN = re.compile(r".*\.(vertex_positions|vertex_normals|faces|emitter\.radiance\.value)$|beam-.*\.to_world$")
-"""Parameters of the engine's scene that are read or written."""
+_LAMPS = re.compile(r".*\.emitter\.radiance\.value$|beam-.*\.to_world$")
+"""Parameters of the engine's scene that are written by their names."""
+_OF_MESH = ("vertex_positions", "vertex_normals", "faces")
+"""Those of every mesh, read and written without Mitsuba's table of names: that looks at each of them in each update."""
 
 
 _PARALLEL = False
@@ -100,8 +102,9 @@ class Twin:
                 raise SceneError(f"the engine did not load shape '{absent[0]}'", document.path)
             self._part_of_registry = self._registry_table(mi)
             self._params = mi.traverse(self.mi_scene)
-            kept = {key: value for key, value in self._params.properties.items() if _WRITTEN.match(key)}
-            self._params.properties = kept  # every update looks at all of them; `keep` takes a second for 10^4
+            found = self._params.properties
+            self._fields = {key: found[key] for name in part_names for key in _keys(name) if key in found}
+            self._params.properties = {key: value for key, value in found.items() if _LAMPS.match(key)}
         self._applied: object = None
         self._pose_of: dict[str, Pose] = {}
         self._velocity_of: dict[str, tuple[float, ...]] = {}
@@ -148,8 +151,8 @@ class Twin:
         meshes = []
         with variant.use(self.kind):
             for name in self.part_names:
-                vertices = np.array(self._params[f"{name}.vertex_positions"], dtype=np.float64).reshape(-1, 3)
-                faces = np.array(self._params[f"{name}.faces"], dtype=np.int64).reshape(-1, 3)
+                vertices = np.array(self._read(f"{name}.vertex_positions"), dtype=np.float64).reshape(-1, 3)
+                faces = np.array(self._read(f"{name}.faces"), dtype=np.int64).reshape(-1, 3)
                 if faces.shape[0] == 0:
                     raise MeshError(f"mesh of shape '{name}' has no faces")
                 if not np.isfinite(vertices).all():
@@ -158,55 +161,75 @@ class Twin:
                 meshes.append(MeshData(vertices, faces))
         return tuple(meshes)
 
+    def _read(self, key: str) -> MitsubaObject:
+        """Return what a mesh holds; inside of the twin's variant."""
+        import mitsuba as mi
+
+        pointer, kind, node, _ = self._fields[key]
+        return mi.get_property(pointer, kind, node)
+
+    def stands_in(self, state: object) -> bool:
+        """Return whether a state is applied."""
+        return self._applied is state
+
     def apply(
         self,
         state: object,
         moment: Moment,
         world_from_part: Mapping[str, Pose],
-        twist_of_part: Mapping[str, Twist],
         meshes: Mapping[str, MeshData],
         bent: Mapping[str, MeshData],
     ) -> None:
-        """Move the actors' parts to a state at a moment, and switch its lights; nothing if it is already applied.
+        """Move the actors' parts to a state at a moment, and switch its lights.
 
         Parts in `bent` have that mesh in place of their own.
         """
-        if self._applied is state:
-            return
         with variant.use(self.kind) as mi:
+            moved = False
             for name, pose in world_from_part.items():
                 own = bent.get(name)
                 if own is None and _is_same(self._pose_of.get(name), pose):
                     continue
-                self._pose_of[name] = pose
-                world = pose.apply((own or meshes[name]).vertices).astype(np.float32)
-                self._params[f"{name}.vertex_positions"] = mi.Float(world.ravel())
-                self._rotate_normals(mi, name, pose, own)
+                self._pose_of[name], moved = pose, True
+                self._move(mi, name, pose.apply((own or meshes[name]).vertices), self._normals(name, pose, own))
                 if self._lamps is not None and name in self._lamps.shapes:
                     self._lamps.move(self._params, name, pose)
             if self._lamps is not None:
                 self._lamps.switch(self._params, moment)
             with many_threads():
-                self._params.update()
-            if self.sionna_scene is not None:
-                for name, twist in twist_of_part.items():
-                    velocity = tuple(twist.linear.tolist())
-                    if self._velocity_of.get(name) != velocity:
-                        self._velocity_of[name] = velocity
-                        self._object(name).velocity = mi.Vector3f(*velocity)
+                if not self._params.update() and moved:  # an update of anything tells the scene, too
+                    self.mi_scene.parameters_changed()
         self._applied = state
 
-    def _rotate_normals(self, mi: ModuleType, name: str, pose: Pose, bent: MeshData | None) -> None:
-        """Turn the shading normals of a part with it; a mesh without any has an empty array."""
-        key = f"{name}.vertex_normals"
-        if key not in self._params:
-            return
+    def _move(self, mi: ModuleType, name: str, vertices: Array, normals: Array | None) -> None:
+        """Write vertices [m] and shading normals of a part, each (num_vertices, 3), in the world."""
+        written = []
+        for field, values in zip(_OF_MESH, (vertices, normals), strict=False):
+            if values is not None:
+                pointer, kind, *_ = self._fields[f"{name}.{field}"]
+                mi.set_property(pointer, kind, mi.Float(values.astype(np.float32).ravel()))
+                written.append(field)
+        self._shapes[name].parameters_changed(written)
+
+    def _normals(self, name: str, pose: Pose, bent: MeshData | None) -> Array | None:
+        """Return the shading normals of a part, turned with it; None for a mesh without any."""
         if name not in self._local_normals:
-            self._local_normals[name] = np.array(self._params[key], dtype=np.float64).reshape(-1, 3)
+            key = f"{name}.vertex_normals"
+            held = self._read(key) if key in self._fields else ()
+            self._local_normals[name] = np.array(held, dtype=np.float64).reshape(-1, 3)
         local = self._local_normals[name]
-        if local.size:
-            local = local if bent is None else vertex_normals(bent.vertices, bent.faces)
-            self._params[key] = mi.Float(pose.rotate(local).astype(np.float32).ravel())
+        if not local.size:
+            return None
+        return pose.rotate(local if bent is None else vertex_normals(bent.vertices, bent.faces))
+
+    def set_velocities(self, twist_of_part: Mapping[str, Twist]) -> None:
+        """Tell Sionna RT how fast the actors' parts move, for its own Doppler shifts."""
+        with variant.use(self.kind) as mi:
+            for name, twist in twist_of_part.items():
+                velocity = tuple(twist.linear.tolist())
+                if self._velocity_of.get(name) != velocity:
+                    self._velocity_of[name] = velocity
+                    self._object(name).velocity = mi.Vector3f(*velocity)
 
     def part_of_number(self, number: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Return the part of each of the engine's shape numbers, -1 for none."""
@@ -323,6 +346,11 @@ def _is_same(known: Pose | None, pose: Pose) -> bool:
     if known is None or known is pose:
         return known is pose
     return bool((known.position == pose.position).all() and (known.quaternion == pose.quaternion).all())
+
+
+def _keys(name: str) -> list[str]:
+    """Return the names of a shape's fields in the engine's scene."""
+    return [f"{name}.{field}" for field in _OF_MESH]
 
 
 def _require(document: SceneDocument, bsdfs: Mapping[str, ET.Element]) -> None:

@@ -591,15 +591,15 @@ class WorldState(Described):
     def _applied(self, kind: str) -> Twin:
         """Return a twin that stands in this state."""
         twin = self.world.twin(kind)
-        names = self.world.parts.name
-        twin.apply(
-            self,
-            Moment(self.time, {actor.name: actor.trajectory for actor in self.world.actors}),
-            {names[part]: motion.pose for part, motion in self._part_motion.items()},
-            {names[part]: motion.twist for part, motion in self._part_motion.items()},
-            self.world._meshes,
-            self._bent_meshes,
-        )
+        if not twin.stands_in(self):
+            names = self.world.parts.name
+            twin.apply(
+                self,
+                Moment(self.time, {actor.name: actor.trajectory for actor in self.world.actors}),
+                {names[part]: motion.pose for part, motion in self._part_motion.items()},
+                self.world._meshes,
+                self._bent_meshes,
+            )
         return twin
 
     @property
@@ -628,7 +628,9 @@ class WorldState(Described):
 
     def radio_scene(self) -> MitsubaObject:
         """Return the Sionna RT scene in this state, with the velocities set; use it inside ``variant.radio()``."""
-        return self._applied("radio").sionna_scene
+        twin, names = self._applied("radio"), self.world.parts.name
+        twin.set_velocities({names[part]: motion.twist for part, motion in self._part_motion.items()})
+        return twin.sionna_scene
 
     def boxes(self) -> tuple[ObjectState, ...]:
         """Return the ground truth of every actor that is in the scene and of every static object."""

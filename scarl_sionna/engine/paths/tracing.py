@@ -158,7 +158,7 @@ def trace_paths(
     points = np.asarray(targets, dtype=np.float64).reshape(-1, 3)
     options = solver_options(settings)
     with variant.radio() as mi:
-        scene = state.radio_scene()
+        scene = state._applied("radio").sionna_scene  # velocities are not asked for
         batches, counts = [], [0]
         for chosen in target_batches(len(points), settings):
             with polarized_points(mi, scene, np.asarray(source, dtype=np.float64), points[chosen]):

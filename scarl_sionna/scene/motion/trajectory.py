@@ -131,9 +131,9 @@ class Motion(Described):
         """
         unit = np.asarray(axis, dtype=np.float64)
         quaternion = np.concatenate([[np.cos(angle / 2.0)], np.sin(angle / 2.0) * unit])
-        turn = Pose(np.zeros(3), quaternion)
+        turn = Pose._made(np.zeros(3), quaternion)
         if center is None:
-            return cls(turn, Twist(np.zeros(3), rate * unit))
+            return cls(turn, Twist._made(np.zeros(3), rate * unit))
         middle = np.asarray(center, dtype=np.float64)
         arm = turn.rotate(middle)
         return cls(Pose(middle - arm, quaternion), Twist(-rate * np.cross(unit, arm), rate * unit))
@@ -143,7 +143,7 @@ class Motion(Described):
         lever = self.pose.rotate(inner.pose.position)
         linear = self.twist.velocity_at(lever) + self.pose.rotate(inner.twist.linear)
         angular = self.twist.angular + self.pose.rotate(inner.twist.angular)
-        return Motion(self.pose.compose(inner.pose), Twist(linear, angular))
+        return Motion(self.pose.compose(inner.pose), Twist._made(linear, angular))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
