@@ -271,7 +271,7 @@ def _member(spec: ScenarioSpec, planned: PlannedActor, number: int, ego: Traject
         planned.name,
         model,
         trajectory,
-        detail=spec.detail if is_close(trajectory, ego, (setting.first, setting.last)) else "light",
+        detail=spec.detail if is_close(trajectory, ego, (setting.first, setting.last), model.motion) else "light",
         variant=variant,
         colors=colors or None,
         phase=planned.phase,

@@ -7,13 +7,16 @@ from collections import Counter
 
 import numpy as np
 import pytest
+import trimesh
+from scipy.spatial import cKDTree
 
 from scarl_sionna.core.errors import ScarlWarning, ScenarioError
 from scarl_sionna.scenario.checks.collisions import find_collisions
 from scarl_sionna.scenario.compose import Composition, compose
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
-from scarl_sionna.scenario.traffic.crowd import CLOSE
+from scarl_sionna.scenario.traffic.crowd import CLOSE, CLOSE_ON_FOOT
 from scarl_sionna.scenario.traffic.planned import PresentTrajectory
+from scarl_sionna.scene.actors.model import read_actor_model
 
 EGO = {"trajectory": {"kind": "route", "lanes": ["west_in_0"], "start": 35.0, "speed": 6.0}}
 
@@ -48,9 +51,31 @@ def test_near_ones_are_detailed_and_far_ones_light(hundred: Composition) -> None
     times = np.linspace(0.0, 2.9, 13)
     for one in hundred.members:
         away = min(np.linalg.norm(one.actor.trajectory.pose(t).position - ego.pose(t).position) for t in times)
-        if abs(away - CLOSE) > 2.0:
-            assert one.actor.detail == ("detailed" if away < CLOSE else "light"), (one.actor.name, away)
+        limit = CLOSE_ON_FOOT if one.body.motion == "walk" else CLOSE
+        if abs(away - limit) > (0.5 if one.body.motion == "walk" else 2.0):
+            assert one.actor.detail == ("detailed" if away < limit else "light"), (one.actor.name, away)
     assert {one.actor.detail for one in hundred.members} == {"detailed", "light"}
+
+
+@pytest.mark.parametrize("name", ["woman_52", "man_38", "girl_9"])
+def test_light_bodies_are_within_half_a_pixel_of_the_detailed_ones(name: str) -> None:
+    model = read_actor_model(name)
+    fine, light = (
+        trimesh.util.concatenate(
+            [
+                trimesh.load(shape.find("string[@name='filename']").get("value"), process=False)
+                for shape in model.level(level).shapes.values()
+            ]
+        )
+        for level in ("detailed", "light")
+    )
+    points, _ = trimesh.sample.sample_surface(
+        fine, 400_000, seed=1
+    )  # 2 mm apart: what is nearest is farther than it is
+    places, _ = trimesh.sample.sample_surface(light, 2_000, seed=2)
+    away, _ = cKDTree(points).query(places)
+    half_a_pixel = 0.5 / (640.0 / np.tan(np.radians(30.0)))  # [rad]
+    assert CLOSE_ON_FOOT * half_a_pixel > np.percentile(away, 95.0) > 0.002
 
 
 def test_fewer_are_the_nearest_of_more() -> None:

@@ -21,7 +21,10 @@ PEOPLE = 0.35
 DENSEST, MOST_PEOPLE = 150.0, 500
 """Vehicles on a kilometre of lane, and people, that traffic may have."""
 CLOSE = 20.0
-"""Distance from the ego vehicle [m] beyond which all through the drive an actor has the light level of geometry."""
+"""Distance from the ego vehicle [m] beyond which all through the drive a vehicle has the light level of geometry."""
+CLOSE_ON_FOOT = 13.0
+"""The same of people: their light bodies lie within 5.9 mm of the detailed ones (95 % of the surface), which is half a
+pixel here for a camera of 1,280 columns and 60 deg."""
 _MORE, _TRIES = 1.35, 6
 _PARKED = 0.6
 
@@ -80,12 +83,16 @@ def crowd(
     return [whole[index] for index in kept]
 
 
-def is_close(trajectory: Trajectory, ego: Trajectory | None, span: tuple[float, float]) -> bool:
-    """Return whether an actor comes near the ego vehicle within a span [s]; without one all are near."""
+def is_close(trajectory: Trajectory, ego: Trajectory | None, span: tuple[float, float], motion: str) -> bool:
+    """Return whether an actor, by its model's `motion`, comes near the ego vehicle within a span [s].
+
+    Without an ego vehicle all are near.
+    """
     if ego is None:
         return True
+    limit = CLOSE_ON_FOOT if motion in ("walk", "stand") else CLOSE
     for time in np.linspace(*span, max(int((span[1] - span[0]) / 0.25), 1) + 1):
         own, other = (one.pose(min(max(float(time), one.start), one.stop)).position for one in (trajectory, ego))
-        if np.linalg.norm(own - other) < CLOSE:
+        if np.linalg.norm(own - other) < limit:
             return True
     return False
