@@ -1,19 +1,22 @@
 """The camera at night: light that the default image keeps, against many samples.
 
-    python benchmarks/camera_night.py [--scenes urban_crossing tunnel] [--reference-spp 512]
+    python benchmarks/camera_night.py [--views urban_crossing tunnel] [--reference-spp 512]
+    python benchmarks/camera_night.py --others
 
-Prints a markdown table. From the roof of each scene's ego vehicle, default samples, denoised, the mean of several
-seeds; "before" is the same with Mitsuba's choice of lamps and the denoiser over the whole image. What is dark is chosen
-by one reference and measured against another of another seed, else noise of the reference would count as brightening.
+Prints a markdown table. From the roof of each scene's ego vehicle (or from `OTHERS`, on which nothing was chosen),
+default samples, denoised, the mean of several seeds. "before" is the same with Mitsuba's choice of lamps and the
+denoiser over the whole image, "filtered once" without the passes over what the filter left. What is dark is chosen by
+one reference and measured against another of another seed, else noise of the reference would count as brightening.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,11 +28,33 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.load import load_scene
 
+
+class View(NamedTuple):
+    """A scene, its variant and weather, a time [s], and a camera relative to the ego: x, y, z [m], yaw, pitch [deg]."""
+
+    scene: str
+    variant: int = 0
+    weather: str = "clear"
+    time: float = 0.5
+    mount: tuple[float, ...] = (0.3, 0.0, 1.62, 0.0, 3.0)
+
+
 SCENES = ("highway_guardrail", "urban_crossing", "suburban_street", "signalised_crossing", "roundabout", "tunnel")
+OTHERS = (
+    View("motorway", time=2.0),
+    View("country_road", time=1.0),
+    View("roundabout", 3, time=3.0, mount=(-8.0, -1.0, 4.0, 0.0, 10.0)),
+    View("signalised_crossing", 2, "rain", 2.0),
+    View("suburban_street", 5, time=2.0, mount=(0.3, 0.0, 1.62, 180.0, 3.0)),
+    View("highway_guardrail", time=3.0, mount=(-8.0, -1.0, 4.0, 20.0, 10.0)),
+    View("urban_crossing", 0, "winter", 2.5),
+)
 SPEC = CameraSpec(width=96, height=54, horizontal_fov_deg=70.0, images=("rgb",))
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SEEDS = (1, 2, 3, 4, 5, 6)
 HAS_LAMPS = render.has_lamps
+denoising = importlib.import_module("camera_lidar.camera.denoise")
+PASSES = denoising.PASSES
 
 Array = npt.NDArray[np.float64]
 
@@ -56,24 +81,29 @@ def errors(image: Array, first: Array, second: Array) -> list[float]:
     return row
 
 
-def measure(name: str, reference_spp: int) -> None:
-    """Print the rows of a scene."""
-    world = load_scene(name)
+def measure(view: View, reference_spp: int) -> None:
+    """Print the rows of a view."""
+    world = load_scene(view.scene, variant=view.variant)
     if not world.document.info.get("enclosed", False):
         world = world.with_lighting("night")
-    state = world.at(0.5)
+    world = world.with_weather(view.weather)
+    state = world.at(view.time)
     ego = state.actor_pose(world.ego) if world.ego else Pose()
-    pose = ego.compose(Pose.from_euler([0.3, 0.0, 1.62], pitch=np.radians(3.0)))
+    yaw, pitch = np.radians(view.mount[3:])
+    pose = ego.compose(Pose.from_euler(view.mount[:3], yaw=yaw, pitch=pitch))
+    name = f"`{view.scene}`" + (f" {view.variant}" if view.variant else "")
+    name += "" if view.weather == "clear" else f", {view.weather}"
     many = SPEC.with_(samples_per_pixel=reference_spp, denoise=False)
     first, second = (shot(state, pose, many, seed) for seed in (101, 102))
     spread = 100.0 * abs(first.mean() / second.mean() - 1.0) / 2.0
     raw = SPEC.with_(denoise=False)
-    for title, switch, spec in (
-        ("before", lambda _: False, SPEC),
-        ("now", HAS_LAMPS, SPEC),
-        ("now, not denoised", HAS_LAMPS, raw),
+    for title, switch, passes, spec in (
+        ("before", lambda _: False, 0, SPEC),
+        ("filtered once", HAS_LAMPS, 0, SPEC),
+        ("now", HAS_LAMPS, PASSES, SPEC),
+        ("now, not denoised", HAS_LAMPS, 0, raw),
     ):
-        render.has_lamps = switch
+        render.has_lamps, denoising.PASSES = switch, passes
         shot(state, pose, spec, 0)  # compile
         start = time.process_time()
         images = [shot(state, pose, spec, seed) for seed in SEEDS]
@@ -86,12 +116,13 @@ def measure(name: str, reference_spp: int) -> None:
             f"| {seconds:.2f} |",
             flush=True,
         )
-    render.has_lamps = HAS_LAMPS
+    render.has_lamps, denoising.PASSES = HAS_LAMPS, PASSES
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", nargs="*", default=SCENES)
+    parser.add_argument("--views", nargs="*", default=SCENES, help="scenes")
+    parser.add_argument("--others", action="store_true", help="other views, weather, variants in their place")
     parser.add_argument("--reference-spp", type=int, default=512)
     options = parser.parse_args()
     print(
@@ -99,8 +130,8 @@ def main() -> None:
         "| rms [dB] | CPU [s] |"
     )
     print("|---|---|---|---|---|---|---|---|---|")
-    for name in options.scenes:
-        measure(name, options.reference_spp)
+    for view in OTHERS if options.others else [View(scene) for scene in options.views]:
+        measure(view, options.reference_spp)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,6 @@ QUALITY = 80
 """Of WebP, at half the size of a JPEG; what is lost drowns in the noise of a render."""
 
 
-def save_photo(image: Image.Image, path: Path) -> None:
+def save_photo(image: Image.Image, path: Path, quality: int = QUALITY) -> None:
     """Write a render as a WebP file."""
-    image.convert("RGB").save(path, "WEBP", quality=QUALITY, method=6)
+    image.convert("RGB").save(path, "WEBP", quality=quality, method=6)

@@ -1,7 +1,8 @@
 """Pictures of the scenes for docs/scenes.md, from the ego's roof and from above.
 
 python benchmarks/scene_figures.py [--figures docs/figures] [--only scene_urban_crossing_day]
-python benchmarks/scene_figures.py --sheet sheet.webp        nine places by day, at night, in rain and in winter
+python benchmarks/scene_figures.py --sheet docs/figures/scenes_sheet.webp
+                                       nine places by day, at night, in rain and in winter; tiles that lie there stay
 """
 
 from __future__ import annotations
@@ -102,39 +103,54 @@ def gallery(figures: Path) -> Path:
 
 LOOKS = {"day": ("day", "clear"), "night": ("night", "clear"), "rain": ("day", "rain"), "winter": ("day", "winter")}
 """Columns of the sheet: lighting and weather."""
+VIEW = (480, 270)
+"""Size of a view of the sheet, to be looked at."""
 TILE = (240, 135)
+"""Its size on the sheet."""
+SHEET_QUALITY = 70
+"""Of WebP."""
 
 
-def tile(place: str, look: str) -> Image.Image:
-    """Return a draft picture of a place from its ego's roof."""
+def view(place: str, look: str) -> Image.Image:
+    """Return a picture of a place from its ego's roof."""
     lighting, weather = LOOKS[look]
-    world = load_scene(place, detail="light").with_lighting(lighting).with_weather(weather)
+    world = load_scene(place).with_lighting(lighting).with_weather(weather)
     time = next(time for scene, _, time, _ in PICTURES.values() if scene == place)
     state = world.at(time)
-    spec = CameraSpec(width=TILE[0], height=TILE[1], horizontal_fov_deg=75.0, images=("rgb",))
+    spec = CameraSpec(width=VIEW[0], height=VIEW[1], horizontal_fov_deg=75.0, images=("rgb",))
     frame = Camera(spec).observe(state, state.mount("ego", STREET), np.random.default_rng(0))
     return Image.fromarray(frame.rgb)
 
 
-def sheet(path: Path, gap: int = 4) -> None:
-    """Write a sheet to look through: a row for each place, a column for each look."""
+def sheet(path: Path, views: Path, gap: int = 4) -> None:
+    """Write a sheet to look through: a row for each place, a column for each look.
+
+    Views that lie in the folder `views` are taken from there.
+    """
     places = list(dict.fromkeys(scene for scene, *_ in PICTURES.values()))
     width, height = (len(LOOKS) * (TILE[0] + gap) - gap, len(places) * (TILE[1] + gap) - gap)
     whole = Image.new("RGB", (width, height), (255, 255, 255))
+    views.mkdir(parents=True, exist_ok=True)
     for row, place in enumerate(places):
         for column, look in enumerate(LOOKS):
-            whole.paste(tile(place, look), (column * (TILE[0] + gap), row * (TILE[1] + gap)))
-    save_photo(whole, path)
+            kept = views / f"{place}_{look}.png"
+            if not kept.exists():
+                view(place, look).save(kept)
+            tile = Image.open(kept).resize(TILE, Image.Resampling.LANCZOS)
+            whole.paste(tile, (column * (TILE[0] + gap), row * (TILE[1] + gap)))
+    save_photo(whole, path, SHEET_QUALITY)
+    print(f"{path}: {path.stat().st_size // 1000} kB")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sheet", type=Path, help="write the sheet of all places to this file, and nothing else")
+    parser.add_argument("--views", type=Path, default=Path("scene_views"), help="folder of the sheet's full views")
     parser.add_argument("--figures", type=Path, default=Path("docs/figures"))
     parser.add_argument("--only", nargs="*", choices=PICTURES, default=list(PICTURES))
     arguments = parser.parse_args()
     if arguments.sheet is not None:
-        sheet(arguments.sheet)
+        sheet(arguments.sheet, arguments.views)
         return
     for name in arguments.only:
         save_photo(picture(*PICTURES[name]), arguments.figures / f"{name}.webp")

@@ -15,16 +15,16 @@ from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.light.glow import glow_integrator, glowing
 from scarl_sionna.engine.light.haze import Haze, haze_integrator
-from scarl_sionna.engine.light.many_lamps import ShiningSurfaces, lamp_table, many_lamps_integrator
+from scarl_sionna.engine.light.lamp_table import lamp_table
+from scarl_sionna.engine.light.many_lamps import ShiningSurfaces, many_lamps_integrator
 from scarl_sionna.engine.light.retroreflectors import Retroreflectors
 from scarl_sionna.engine.light.windows import LitWindows
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.engine.world import World, WorldState
 
-from .denoise import denoise
+from .denoise import denoise, denoise_darkness
 from .develop import develop
-from .energy import keep_energy
 from .falling import add_falling
 from .ray_sensor import launch_samples, ray_sensor
 from .shining import lamp_light
@@ -36,6 +36,9 @@ Mitsuba's 5 for 2 % more noise; 2 gains nothing more (docs/camera.md)."""
 
 GUIDE_SAMPLES = 8
 """Samples of the albedo and normal images that lead the denoiser."""
+
+DAYLIGHT_INDOORS = 2e-3
+"""Share of the daylight outside by which places in tunnels and car parks ask for it; most of them see no sky."""
 
 MOST_RAYS = 1 << 24
 """Light paths of one launch; more samples are rendered in several, so that memory stays below 2 GB."""
@@ -88,11 +91,11 @@ def render_radiance(
     image = traced.reflected.astype(np.float32)
     if not spec.denoise:
         return (traced.reflected + traced.shining).astype(np.float32) if apart else image
-    filtered = denoise(image, traced.guides.astype(np.float32))
+    guides = traced.guides.astype(np.float32)
     if not apart:
-        return filtered
+        return denoise(image, guides)
     filled = glows(state) | (traced.guides != 0.0).any(axis=-1, keepdims=True)  # elsewhere is sky, which shines itself
-    kept = np.where(filled, keep_energy(filtered, image), traced.reflected)
+    kept = np.where(filled, denoise_darkness(image, guides), traced.reflected)
     return np.asarray(kept + traced.shining, dtype=np.float32)
 
 
@@ -161,7 +164,9 @@ def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     with variant.optical() as mi:
         integrator = None
         if has_lamps(state):
-            integrator = many_lamps_integrator(mi, scene, view.spec.max_depth, ROULETTE_DEPTH, _surfaces(state.world))
+            sky_share = DAYLIGHT_INDOORS if state.world.is_indoors else 1.0
+            depth, surfaces = view.spec.max_depth, _surfaces(state.world)
+            integrator = many_lamps_integrator(mi, scene, depth, ROULETTE_DEPTH, surfaces, sky_share)
         integrator = integrator or mi.load_dict(integrator_dict(view.spec))
         traced = _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
         if haze is not None and glows(state):

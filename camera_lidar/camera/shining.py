@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.light.haze import Haze
-from scarl_sionna.engine.light.many_lamps import SURFACE, lamp_table
+from scarl_sionna.engine.light.lamp_table import SURFACE, lamp_table
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import MitsubaObject
 

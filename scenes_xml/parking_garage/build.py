@@ -111,16 +111,9 @@ def _lanes(kit: SceneKit, plan: at.Layout) -> None:
 def _parked(kit: SceneKit, plan: at.Layout) -> None:
     for number, (bay, model, colour, nose) in enumerate(plan.parked):
         yaw = bay.yaw_deg if nose else bay.yaw_deg + 180.0
-        there = np.tile([(bay.x, bay.y, 0.0)], (2, 1))
-        kit.actor(
-            f"parked_{number:02d}",
-            model,
-            at.TIMES[[0, -1]],
-            there,
-            COLOURS[model][colour],
-            np.full(2, yaw),
-            detail="light",
-        )
+        colour_name = COLOURS[model][colour]
+        there = np.array([(bay.x, bay.y, 0.0)])
+        kit.actor(f"parked_{number:02d}", model, np.zeros(1), there, colour_name, np.array([yaw]), detail="light")
 
 
 COLOURS = {

@@ -159,7 +159,7 @@ def add_ramps(kit: SceneKit, plan: at.Layout) -> None:
     kit.add(
         "street_house",
         box((0.6, 80.0, 12.0), (out, 0.0, top + 6.0)),
-        "plaster_grey" if "plaster_grey.png" in kit.textures else "garage_concrete",
+        "garage_concrete",
     )
     kit.instance("house", "Building", ["street_house"], True)
 

@@ -16,8 +16,8 @@ from scarl_sionna.core.specs.lidar_ratio import FOG_LIDAR_RATIO
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.light import glow
+from scarl_sionna.engine.light.lamp_table import lamp_table
 from scarl_sionna.engine.light.lamps import STREET_LAMP_FLUX, low_beam
-from scarl_sionna.engine.light.many_lamps import lamp_table
 from scarl_sionna.engine.light.sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.world import WorldState

@@ -13,7 +13,8 @@ from scarl_sionna.core.specs.lidar_ratio import FOG_LIDAR_RATIO
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 from .haze import Haze
-from .many_lamps import SURFACE, LampTable, beam_intensity, beam_table, choose_lamp
+from .lamp_table import SURFACE, LampTable
+from .many_lamps import beam_intensity, beam_table, choose_lamp
 
 PLUGIN = "scarl_glow"
 
@@ -78,7 +79,10 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             )
             self._beam = beam_table(mi)
             emitters = scene.emitters_dr()
-            self._emitters = dr.gather(mi.EmitterPtr, emitters, mi.UInt32(lamps.astype(np.uint32)))
+            self._emitters = dr.gather(mi.EmitterPtr, emitters, mi.UInt32(table.emitter[lamps].astype(np.uint32)))
+            self._before, self._share = (
+                mi.Float(v[lamps].astype(np.float32)) for v in (table.first_share, table.share)
+            )
 
         def _stretch(
             self, index: DeviceArray, ray: MitsubaObject, length: DeviceArray
@@ -127,12 +131,14 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             air = dr.zeros(mi.Interaction3f, dr.width(ray.o))
             air.p, air.t, air.wavelengths = ray(distance), distance, ray.wavelengths
             lamp = dr.gather(mi.EmitterPtr, self._emitters, chosen, lit)
-            toward, value = lamp.sample_direction(air, sampler.next_2d(lit), lit)
+            before, share = (dr.gather(mi.Float, v, chosen, lit) for v in (self._before, self._share))
+            where = sampler.next_2d(lit)
+            toward, value = lamp.sample_direction(air, mi.Point2f(where.x, before + where.y * share), lit)
             lit &= toward.pdf > 0.0
             lit &= ~scene.ray_test(air.spawn_ray_to(toward.p), lit)
             through = dr.exp(-self._extinction * (distance + toward.dist))
             turned = scattered_share(dr, dr.dot(-toward.d, -ray.d))
-            return dr.select(lit, value * (self._extinction * turned * through / pdf), 0.0), mi.Bool(active), []
+            return dr.select(lit, value * (share * self._extinction * turned * through / pdf), 0.0), mi.Bool(active), []
 
     mi.register_integrator(PLUGIN, GlowIntegrator)
     return GlowIntegrator

@@ -18,54 +18,20 @@ import numpy.typing as npt
 
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
+from .lamp_table import BEAM, SKY, LampTable, lamp_table
 from .lamps import BEAM_FOV_DEG, low_beam
 from .retroreflectors import WHITE_SHEET, Retroreflectors, beads_law, observation_angle, sheet_law
-from .sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
+from .sky import UNIT_LUMINANCE
 from .windows import LitWindows, WindowTable
 
 Array = npt.NDArray[np.float64]
 
 PLUGIN = "scarl_many_lamps"
 
-SURFACE, _BEAM, _SKY, _SUN = range(4)
 _LEAST_COSINE = 0.02
 """Of the angles at lamp and surface: no lamp gets the chance 0 where a part of it may be seen."""
 _TABLE_SIZE = (96, 192)
 """Rows and columns of the beam's intensity over the plane before the lamp."""
-_EMITTERS = {
-    "AreaLight": SURFACE,
-    "Projector": _BEAM,
-    "EnvironmentMapEmitter": _SKY,
-    "ConstantBackgroundEmitter": _SKY,
-    "DirectionalEmitter": _SUN,
-}
-
-
-class LampTable(NamedTuple):
-    """What is known of each emitter of a scene, in the order of ``scene.emitters()``.
-
-    Attributes
-    ----------
-    kind : ndarray of int
-        Surface, beam, sky or sun.
-    center, axis : ndarray of float64, shape (n, 3)
-        World [m]; the mean normal of a surface (its length is 1 for a flat one, 0 for a closed one), or where a beam
-        points.
-    side : ndarray of float64, shape (n, 3)
-        To the left of a beam, seen from the lamp.
-    strength : ndarray of float64, shape (n,)
-        Radiance times area [m2] of a surface, 1 for a beam of full strength, radiance times pi of a sky,
-        irradiance of a sun.
-    radius : ndarray of float64, shape (n,)
-        Of the ball that holds the surface [m].
-    """
-
-    kind: npt.NDArray[np.int64]
-    center: Array
-    axis: Array
-    side: Array
-    strength: Array
-    radius: Array
 
 
 class ShiningSurfaces(NamedTuple):
@@ -73,69 +39,6 @@ class ShiningSurfaces(NamedTuple):
 
     retroreflectors: Retroreflectors
     windows: LitWindows
-
-
-def lamp_table(mi: ModuleType, scene: MitsubaObject) -> LampTable | None:
-    """Return the table of a scene's emitters, or None where one is of a kind that it does not know."""
-    rows = []
-    for emitter in scene.emitters():
-        kind = _EMITTERS.get(emitter.class_name())
-        if kind is None:
-            return None
-        params = mi.traverse(emitter)
-        if kind == _BEAM:
-            matrix = np.array(params["to_world"].matrix, dtype=np.float64).reshape(4, 4)
-            scale = float(np.array(params["scale"]).ravel()[0]) if "scale" in params else 1.0
-            rows.append((kind, matrix[:3, 3], matrix[:3, 2], matrix[:3, 0], scale, 0.0))
-            continue
-        name = next((key for key in _RADIANCES if key in params), None)
-        if name is None:
-            return None
-        luminance = _luminance(np.array(params[name], dtype=np.float64))
-        if kind in (_SKY, _SUN):
-            strength = luminance * (np.pi if kind == _SKY else 1.0)
-            rows.append((kind, np.zeros(3), np.zeros(3), np.zeros(3), strength, 0.0))
-        else:
-            rows.append((kind, *_surface(mi, emitter.get_shape(), luminance)))
-    kinds, centers, axes, sides, strengths, radii = zip(*rows, strict=True) if rows else ((),) * 6
-    center, axis, side = (np.array(v, dtype=np.float64).reshape(-1, 3) for v in (centers, axes, sides))
-    return LampTable(np.array(kinds, dtype=np.int64), center, axis, side, np.array(strengths), np.array(radii))
-
-
-_RADIANCES = ("radiance.value", "radiance.data", "irradiance.value", "data")
-
-
-def _luminance(radiance: Array) -> float:
-    """Return the mean luminance of a colour (3 numbers, any shape) or of a picture (rows, columns, channels)."""
-    colors = radiance.reshape(-1, radiance.shape[-1])[:, :3] if radiance.ndim == 3 else radiance.reshape(1, 3)
-    return float(colors.mean(axis=0) @ LUMINANCE_WEIGHTS)
-
-
-def _surface(mi: ModuleType, shape: MitsubaObject, luminance: float) -> tuple[Array, Array, Array, float, float]:
-    """Return centre, mean normal, nothing, strength and radius of a glowing shape."""
-    params = mi.traverse(shape)
-    if "vertex_positions" not in params:
-        box = shape.bbox()
-        low, high = np.array(box.min, dtype=np.float64), np.array(box.max, dtype=np.float64)
-        return (
-            (low + high) / 2.0,
-            np.zeros(3),
-            np.zeros(3),
-            luminance * float(shape.surface_area()[0]),
-            float(np.linalg.norm(high - low)) / 2.0,
-        )
-    vertices = np.array(params["vertex_positions"], dtype=np.float64).reshape(-1, 3)
-    a, b, c = (vertices[np.array(params["faces"]).reshape(-1, 3)[:, k]] for k in range(3))
-    areas = np.cross(b - a, c - a) / 2.0
-    total = max(float(np.linalg.norm(areas, axis=1).sum()), 1e-12)
-    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
-    return (
-        center,
-        areas.sum(axis=0) / total,
-        np.zeros(3),
-        luminance * total,
-        float(np.linalg.norm(vertices - center, axis=1).max()),
-    )
 
 
 @lru_cache(maxsize=1)
@@ -218,9 +121,12 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
                 mi.Float(v.astype(np.float32).ravel()) for v in (table.center, table.axis, table.side)
             )
             self._strength, self._radius = (mi.Float(v.astype(np.float32)) for v in (table.strength, table.radius))
+            self._before, self._share = (mi.Float(v.astype(np.float32)) for v in (table.first_share, table.share))
             self._beam = beam_table(mi)
-            self._emitters = scene.emitters_dr()
-            ids = np.array(dr.reinterpret_array(mi.UInt32, self._emitters), dtype=np.int64)
+            emitters = scene.emitters_dr()
+            self._emitters = dr.gather(mi.EmitterPtr, emitters, mi.UInt32(table.emitter.astype(np.uint32)))
+            self._start, self._step, self._row = (mi.UInt32(v.astype(np.uint32)) for v in table.pieces)
+            ids = np.array(dr.reinterpret_array(mi.UInt32, emitters), dtype=np.int64)
             index = np.zeros(int(ids.max()) + 1, dtype=np.uint32)
             index[ids] = np.arange(len(ids))
             self._index_of_id = mi.UInt32(index)
@@ -245,8 +151,8 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             flat = dr.norm(axis)
             spread = 0.25 * (1.0 - flat) + dr.maximum(-dr.dot(axis, toward), 0.0) + _LEAST_COSINE
             beam = beam_intensity(mi, self._beam, axis, side, toward)
-            light = dr.select(kind == _BEAM, beam, spread) * strength * cosine / squared
-            return dr.select(kind >= _SKY, strength, light)
+            light = dr.select(kind == BEAM, beam, spread) * strength * cosine / squared
+            return dr.select(kind >= SKY, strength, light)
 
         def _sent_back(
             self, index: DeviceArray, point: DeviceArray, eye: DeviceArray, active: DeviceArray
@@ -277,6 +183,22 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
 
             return choose_lamp(mi, self._count, light_of, random, active)
 
+        def _lamp_met(self, emitter: DeviceArray, face: DeviceArray, active: DeviceArray) -> DeviceArray:
+            """Return the row of the table for the face of an emitter."""
+            number = dr.gather(mi.UInt32, self._index_of_id, dr.reinterpret_array(mi.UInt32, emitter), active)
+            start, step = (dr.gather(mi.UInt32, v, number, active) for v in (self._start, self._step))
+            return dr.gather(mi.UInt32, self._row, start + step * face, active)
+
+        def _toward(
+            self, chosen: DeviceArray, si: MitsubaObject, random: DeviceArray, active: DeviceArray
+        ) -> tuple[MitsubaObject, DeviceArray]:
+            """Return a direction to a lamp, and its radiance over the direction's density there."""
+            lamp = dr.gather(mi.EmitterPtr, self._emitters, chosen, active)
+            before, share = (dr.gather(mi.Float, v, chosen, active) for v in (self._before, self._share))
+            toward, value = lamp.sample_direction(si, mi.Point2f(random.x, before + random.y * share), active)
+            toward.pdf /= share
+            return toward, value * share
+
         def _returned(
             self,
             scene: MitsubaObject,
@@ -292,8 +214,7 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             eye = si.to_world(si.wi)
             chosen, light, total = self._choose(si.p, si.n, sampler.next_1d(asked), asked, eye)
             lit = asked & (light > 0.0)
-            lamp = dr.gather(mi.EmitterPtr, self._emitters, chosen, lit)
-            toward, value = lamp.sample_direction(si, sampler.next_2d(lit), lit)
+            toward, value = self._toward(chosen, si, sampler.next_2d(lit), lit)
             lit &= toward.pdf > 0.0
             lit &= dr.dot(si.n, toward.d) * dr.dot(si.n, eye) > 0.0
             lit &= ~scene.ray_test(si.spawn_ray_to(toward.p), lit)
@@ -329,9 +250,10 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
                 start.p = last_point
                 seen = mi.DirectionSample3f(scene, si, start)
                 shines = active & (emitter != None)  # noqa: E711 # compares pointers
-                number = dr.gather(mi.UInt32, self._index_of_id, dr.reinterpret_array(mi.UInt32, emitter), shines)
+                met = self._lamp_met(emitter, si.prim_index, shines)
                 asked = shines & ~last_delta & (last_sum > 0.0)
-                chance = self._chance(number, last_point, last_normal, asked) / last_sum
+                chance = self._chance(met, last_point, last_normal, asked) / last_sum
+                chance /= dr.gather(mi.Float, self._share, met, asked)
                 lamp_pdf = dr.select(asked, emitter.pdf_direction(start, seen, asked) * chance, 0.0)
                 weight = dr.select(lamp_pdf > 0.0, last_pdf / (last_pdf + lamp_pdf), 1.0)
                 result += dr.select(shines, throughput * weight * emitter.eval(si, shines), 0.0)
@@ -348,8 +270,7 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
                 lit = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
                 chosen, light, total = self._choose(si.p, normal, sampler.next_1d(active), lit)
                 lit &= light > 0.0
-                lamp = dr.gather(mi.EmitterPtr, self._emitters, chosen, lit)
-                toward, value = lamp.sample_direction(si, sampler.next_2d(active), lit)
+                toward, value = self._toward(chosen, si, sampler.next_2d(active), lit)
                 lit &= toward.pdf > 0.0
                 lit &= ~scene.ray_test(si.spawn_ray_to(toward.p), lit)
                 share = light / total
@@ -389,6 +310,7 @@ def many_lamps_integrator(
     max_depth: int,
     roulette_depth: int,
     surfaces: ShiningSurfaces,
+    sky_share: float = 1.0,
 ) -> MitsubaObject | None:
     """Return the integrator for a scene in its present state, or None where it has emitters of other kinds.
 
@@ -404,10 +326,13 @@ def many_lamps_integrator(
         Segments after which a light path ends at random.
     surfaces : ShiningSurfaces
         What sends the light of lamps back to them, and lit windows.
+    sky_share : float
+        Of the sky's and the sun's light, how much may reach a point: their chance, not their light.
     """
     table = lamp_table(mi, scene)
     if table is None:
         return None
+    table = table._replace(strength=np.where(table.kind >= SKY, sky_share, 1.0) * table.strength)
     _plugin(mi, mi.variant())
     integrator: Any = mi.load_dict({"type": PLUGIN})
     integrator.place(scene, table, surfaces, max_depth, roulette_depth)
