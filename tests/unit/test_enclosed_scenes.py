@@ -176,7 +176,8 @@ def test_lit_lenses_show_the_signals_at_the_start():
 
 
 def test_turns_are_smooth():
-    for lane in world_of("signalised_crossing").document.lanes.lanes:
+    lanes = world_of("signalised_crossing").document.lanes.lanes
+    for lane in (lane for lane in lanes if lane.kind != "walk"):
         step = np.diff(lane.points[:, :2], axis=0)
         heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
         length = np.linalg.norm(step, axis=1)
