@@ -175,6 +175,7 @@ def test_vehicles_that_are_objects_of_a_place_are_parked():
     lamps = {shape for shape, lamp in kinds.items() if lamp in ("headlamp", "taillamp")}
     dark = lamps & parked_shapes(document)
     assert len(dark) == 14 and all(shape.startswith("parked_") for shape in dark)
+    assert {"ego_headlamps", "oncoming_taillamps"} <= lamps - dark
 
 
 def test_cars_in_bays_are_parked():
@@ -182,4 +183,4 @@ def test_cars_in_bays_are_parked():
     lamps = {shape for shape, bsdf in document.bsdf_of_shape.items() if document.materials[bsdf].lamp}
     dark = lamps & parked_shapes(document)
     assert len(dark) == 2 * 12 and all(shape.startswith("parked_") for shape in dark)
-    assert {"ego_headlamps", "oncoming_taillamps"} <= lamps - dark
+    assert {"ego_headlamps", "car_ahead_taillamps"} <= lamps - dark
