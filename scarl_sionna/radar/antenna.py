@@ -37,7 +37,7 @@ class PathGeometry:
     center_distance : tuple of ndarray of float64, shape (num_paths,), (num_paths,) and (num_mirror_paths,)
         Distances of the array centres: transmit, receive, and total of the mirror paths [m].
     fields : PairFields or None
-        What each pair receives, where antennas are described one by one.
+        What each pair receives, where antennas are described one by one or paths say how they differ over the array.
     """
 
     tx_distance: Array
@@ -60,8 +60,11 @@ class PathGeometry:
         tx_vector, rx_vector = paths.end_vectors()
         local = tx_vector @ paths.world_from_tx.rotation, rx_vector @ paths.world_from_rx.rotation
         fields = None
-        if not (radar.array.is_uniform and (receiver or radar).array.is_uniform):
-            fields = PairFields.of(paths.a, *local, radar, receiver)
+        slopes = None
+        if paths.tx_slope is not None or paths.rx_slope is not None:
+            slopes = paths.filled("tx_slope"), paths.filled("rx_slope")
+        if slopes is not None or not (radar.array.is_uniform and (receiver or radar).array.is_uniform):
+            fields = PairFields.of(paths.a, *local, radar, receiver, slopes)
         tx_center, rx_center = np.linalg.norm(tx_vector, axis=-1), np.linalg.norm(rx_vector, axis=-1)
         return cls(
             tx_distance=_distances(paths.tx_point, tx),

@@ -74,6 +74,9 @@ class RadarPaths(
         turn with the radar]. For a path of mirror reflections only, `rx_velocity` is that of the receiver's image
         relative to the transmitter, and `tx_velocity` is not used. NaN, or None for all: not known; directions then
         stay those of the frame's start.
+    tx_slope, rx_slope : ndarray of complex128, shape (num_paths, 3, 2, 2), or None
+        Change of `a` per metre by which an antenna is off the array's centre along the axes of the radar frame, of the
+        transmitter and of the receiver [1/m], at equal spreading. None: not known; `a` then serves all antennas.
     linear_motion : ndarray of bool, shape (num_paths,), or None
         Whether a path keeps to first order over a frame, as SCaRL has it: the length of every pair is linear in time,
         strengths stay. None: of no path.
@@ -105,6 +108,8 @@ class RadarPaths(
     rx_image: npt.NDArray[np.float64] | None = None
     tx_velocity: npt.NDArray[np.float64] | None = None
     rx_velocity: npt.NDArray[np.float64] | None = None
+    tx_slope: npt.NDArray[np.complex128] | None = None
+    rx_slope: npt.NDArray[np.complex128] | None = None
     linear_motion: npt.NDArray[np.bool_] | None = None
     random_phase: npt.NDArray[np.bool_] | None = None
     over_band: npt.NDArray[np.complex128] | None = None
@@ -303,6 +308,8 @@ class RadarPaths(
             raise ParameterRangeError("paths", "of mirror reflections only", "paths with a scatterer", "select others")
         swapped: dict[str, Any] = {f"{one}_{what}": getattr(self, f"{other}_{what}") for one, other, what in _ENDS}
         swapped |= {"world_from_tx": self.world_from_rx, "world_from_rx": self.world_from_tx}
+        for one, other in (("tx_slope", self.rx_slope), ("rx_slope", self.tx_slope)):
+            swapped[one] = None if other is None else other.transpose(0, 1, 3, 2).copy()
         swapped |= {name: _backward(getattr(self, name), self.depth) for name in ("instance", "interaction")}
         return replace(self, a=self.a.transpose(0, 2, 1).copy(), **swapped)
 
@@ -310,10 +317,12 @@ class RadarPaths(
 _AT_HAND = 1e-9
 """A point this near [m] is at the observer: a guard against division by zero."""
 _OF_ALL_PATHS = ("world_from_tx", "world_from_rx", "tx_twist", "rx_twist", "band", "diagnostics")
-_NOT_KNOWN: Mapping[str, tuple[tuple[int, ...], float | bool]] = {
+_NOT_KNOWN: Mapping[str, tuple[tuple[int, ...], complex | float | bool]] = {
     "rx_image": ((3, 4), np.nan),
     "tx_velocity": ((3,), np.nan),
     "rx_velocity": ((3,), np.nan),
+    "tx_slope": ((3, 2, 2), 0.0j),
+    "rx_slope": ((3, 2, 2), 0.0j),
     "linear_motion": ((), False),
     "random_phase": ((), False),
 }

@@ -95,8 +95,8 @@ def synthesize(
     antennas that move and turn with the radar), motion within a ramp, range migration, residual video phase. Paths of
     which `motion_tolerance` lets it have the rate of the array's centre; those of unknown velocities have its rate and
     acceleration. *Not modelled*: gains and reflection differ between antennas only by the array's extent over the
-    distance and are taken at the array's centre and the frame's start; derivatives above the second of what is not
-    straight motion.
+    distance and are taken at the array's centre, unless paths have slopes over it, and at the frame's start;
+    derivatives above the second of what is not straight motion.
 
     References
     ----------

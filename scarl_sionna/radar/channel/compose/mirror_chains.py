@@ -93,12 +93,14 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
         seen = view.shows(rows, np.tile(ends, (len(some), 1))).reshape(len(some), -1)
         shown += [way for way, ok in zip(some, seen, strict=True) if ok.any()]
     shown.sort(key=lambda way: (len(way), [mirror.part for mirror in way]))  # of equal paths the first stays
+    arm = float(np.linalg.norm(station.arms, axis=1).max(initial=0.0))
     legs = legs_of(
         state,
         _as_traced(view, shown, depth),
         station,
         EndPoints(station.position[None], station.velocity[None], station.rotation, is_station=True),
         material_frequency(radar, radar.carrier_frequency),
+        arm / 2.0 if arm > wide_arm else 0.0,
     )
     num_hidden = warn_of_hidden_antennas(state, [(legs, station)], wide_arm)
     legs = _with_ends(view, legs)
@@ -131,7 +133,8 @@ def _with_ends(view: MirrorView, legs: Legs) -> Legs:
     at = view.reflections(ways, np.broadcast_to(view.station.position, (len(rows), 3)))
     weight = np.ones(len(legs.length), dtype=np.complex128)
     weight[rows] = view.ends.weight(at)
-    return replace(legs, transfer=legs.transfer * weight[:, None, None]).select(weight != 0.0)
+    over = {name: getattr(legs, name) * weight[:, None, None, None] for name in ("slope", "end_slope")}
+    return replace(legs, transfer=legs.transfer * weight[:, None, None], **over).select(weight != 0.0)
 
 
 def possible_chains(

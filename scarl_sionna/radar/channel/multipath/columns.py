@@ -40,7 +40,9 @@ def mirror_columns(state: WorldState, legs: Legs, tx: Station, rx: Station, wave
         "tx_point": first,
         "rx_point": last,
         "inner_length": np.maximum(legs.length - ends, 0.0),
-        "a": legs.transfer * spreading(wavelength, legs.length)[:, None, None],
+        "a": legs.transfer * (scale := spreading(wavelength, legs.length))[:, None, None],
+        "tx_slope": legs.slope * scale[:, None, None, None],
+        "rx_slope": legs.end_slope * scale[:, None, None, None],
         "length_rate": legs.rate,
         "length_acceleration": legs.acceleration,
         "instance": np.where(legs.part >= 0, parts.instance[legs.part], -1),
@@ -58,7 +60,17 @@ _TYPES = {"instance": np.int32, "interaction": np.int32, "depth": np.int32, "sem
 
 
 def joined_columns(blocks: list[Columns]) -> Columns:
-    """Return the columns of all blocks, labels padded with -1 to the longest path."""
+    """Return the columns of all blocks, labels padded with -1 to the longest path.
+
+    Slopes over the array are 0 where a block has none, and not there where all are 0.
+    """
+    for name in ("tx_slope", "rx_slope"):
+        known = any(np.any(block.get(name, 0.0)) for block in blocks)
+        for block in blocks:
+            if not known:
+                block.pop(name, None)
+            elif name not in block:
+                block[name] = np.zeros((len(block["total"]), 3, 2, 2), dtype=np.complex128)
     width = max([1, *(block["instance"].shape[1] for block in blocks)])
     for block in blocks:
         for name in ("instance", "interaction"):

@@ -59,6 +59,9 @@ class Legs:
         [m].
     edge_length : ndarray of float64, shape (num_legs,)
         [m]; infinite without an edge.
+    slope, end_slope : ndarray of complex128, shape (num_legs, 3, 2, 2)
+        Change of `transfer` per metre along the axes of the station, and of the frame at the end points, by which an
+        antenna there is off the middle [1/m]; zero if not asked for.
     """
 
     target: npt.NDArray[np.int64]
@@ -80,6 +83,8 @@ class Legs:
     rear_velocity: Array
     spread: Array
     edge_length: Array
+    slope: npt.NDArray[np.complex128]
+    end_slope: npt.NDArray[np.complex128]
 
     @property
     def depth(self) -> npt.NDArray[np.int32]:
@@ -97,7 +102,14 @@ def chain_of(traced: TracedPaths, rows: npt.NDArray[np.bool_] | slice = slice(No
     return Chain(kind == SPECULAR, kind == REFRACTION, traced.normal[rows], traced.offset[rows])
 
 
-def legs_of(state: WorldState, traced: TracedPaths, station: Station, ends: EndPoints, frequency: float) -> Legs:
+def legs_of(
+    state: WorldState,
+    traced: TracedPaths,
+    station: Station,
+    ends: EndPoints,
+    frequency: float,
+    arm: float = 0.0,
+) -> Legs:
     """Return the coherent ones of traced paths with their geometry in float64.
 
     Parameters
@@ -109,6 +121,8 @@ def legs_of(state: WorldState, traced: TracedPaths, station: Station, ends: EndP
     ends : EndPoints
     frequency : float
         [Hz].
+    arm : float
+        Half of the distance over which slopes are taken [m]; 0: none.
 
     Returns
     -------
@@ -122,7 +136,7 @@ def legs_of(state: WorldState, traced: TracedPaths, station: Station, ends: EndP
         If a material that is met has no data at this frequency.
     """
     scattered, bent = ((traced.kind == kind).any(axis=1) for kind in (DIFFUSE, DIFFRACTION))
-    legs = _straight(state, traced, ~scattered & ~bent, station, ends, frequency)
+    legs = _straight(state, traced, ~scattered & ~bent, station, ends, frequency, arm)
     rows = np.flatnonzero(bent & ~scattered)
     if len(rows):
         over = [edge_leg(state, traced, int(row), station, ends, frequency) for row in rows]
@@ -142,23 +156,32 @@ def _straight(
     station: Station,
     ends: EndPoints,
     frequency: float,
+    arm: float,
 ) -> Legs:
     """Return the legs of mirrors and panes only."""
     chain, target, part = chain_of(traced, rows), traced.target[rows], traced.part[rows]
     images = chain.images(ends.position[target])
     point, right = chain.vertices(station.position, images)
-    travel = chain.travel(station.position, images)
     known = sorted(set(state.world.parts.material))
     material = np.array([known.index(name) for name in state.world.parts.material], dtype=np.int64)
-    through = transfer(
-        chain,
-        travel,
-        spherical_basis(station.rotation, travel[:, 0]),
-        spherical_basis(ends.rotation, -travel[:, -1]),
-        material_coefficients(
-            [state.world.materials[name] for name in known], np.where(part >= 0, material[part], -1), frequency
-        ),
+    coefficients = material_coefficients(
+        [state.world.materials[name] for name in known], np.where(part >= 0, material[part], -1), frequency
     )
+
+    def through(shift: Array, end_shift: Array) -> npt.NDArray[np.complex128]:
+        way = chain.travel(station.position + shift, chain.images(ends.position[target] + end_shift))
+        bases = spherical_basis(station.rotation, way[:, 0]), spherical_basis(ends.rotation, -way[:, -1])
+        return transfer(chain, way, *bases, coefficients)
+
+    slope, end_slope = np.zeros((2, len(target), 3, 2, 2), dtype=np.complex128)
+    still = np.zeros(3)
+    if arm and len(target):
+        for k in range(3):
+            step = arm * station.rotation[:, k]
+            slope[:, k] = (through(step, still) - through(-step, still)) / (2.0 * arm)
+            if ends.is_station:
+                step = arm * ends.rotation[:, k]
+                end_slope[:, k] = (through(still, step) - through(still, -step)) / (2.0 * arm)
     surfaces = state.point_velocity(part.ravel(), point.reshape(-1, 3)).reshape(point.shape)
     relative = chain.image_velocity(ends.velocity[target], surfaces) - station.velocity
     ahead = images[:, 0] - station.position
@@ -178,7 +201,7 @@ def _straight(
         rate,
         across / length,
         relative,
-        through,
+        through(still, still),
         inner=np.zeros_like(length),
         front=none,
         rear=none,
@@ -186,6 +209,8 @@ def _straight(
         rear_velocity=none,
         spread=np.zeros_like(length),
         edge_length=np.full_like(length, np.inf),
+        slope=slope,
+        end_slope=end_slope,
     )
     return legs.select(right)
 
@@ -200,9 +225,9 @@ def _over_edges(traced: TracedPaths, rows: npt.NDArray[np.int64], legs: Sequence
         item.name: np.array([getattr(leg, item.name) for leg in legs]).reshape(count, *shapes.get(item.name, ()))
         for item in fields(EdgeLeg)
     }
-    return Legs(
-        target=traced.target[rows], kind=traced.kind[rows], part=traced.part[rows], face=traced.face[rows], **columns
-    )
+    none = np.zeros((count, 3, 2, 2), dtype=np.complex128)
+    labels = {name: getattr(traced, name)[rows] for name in ("target", "kind", "part", "face")}
+    return Legs(**labels, **columns, slope=none, end_slope=none)
 
 
 def joined_legs(blocks: Sequence[Legs]) -> Legs:

@@ -40,10 +40,15 @@ def scattered_columns(
               a = \frac{\lambda}{4\pi} \frac{J_2^T J_m J_1}{L_1 L_m L_2} \frac{\sigma}{4\pi}
     """
     count = len(points.positions)
+    over_array = {}
     if between is None:
         out, home = _pairs(there.target, back.target, count)
         rows = [(there, out), (back, home)]
         transfer = np.einsum("pki,pkj->pij", back.transfer[home], there.transfer[out])
+        over_array = {
+            "tx_slope": np.einsum("pki,pmkj->pmij", back.transfer[home], there.slope[out]),
+            "rx_slope": np.einsum("pmki,pkj->pmij", back.slope[home], there.transfer[out]),
+        }
     else:
         first, second = _pairs(there.target, between.target, count)
         row, home = _pairs(there.target[first], back.target, count)
@@ -65,7 +70,8 @@ def scattered_columns(
         "tx_point": there.image[out],
         "rx_point": back.image[home],
         "inner_length": length[1:-1].sum(axis=0) + there.inner[out] + back.inner[home],
-        "a": transfer * (spreading(wavelength, *length) * scattered)[:, None, None],
+        "a": transfer * (scale := spreading(wavelength, *length) * scattered)[:, None, None],
+        **{name: slope * scale[:, None, None, None] for name, slope in over_array.items()},
         "length_rate": sum(legs.rate[chosen] for legs, chosen in rows),
         "length_acceleration": sum(legs.acceleration[chosen] for legs, chosen in rows),
         "instance": _chained([np.where(part >= 0, parts.instance[part], -1) for part in met], label[target]),

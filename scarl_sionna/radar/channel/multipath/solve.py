@@ -134,7 +134,7 @@ def solve_sionna(
     rx = tx if receiver is None else station_of(receiver, radar)
     if receiver is not None:
         check_placement(state, receiver.pose.position, "receiving radar")
-    solver = _Solver(state, radar, knobs)
+    solver = _Solver(state, radar, knobs, settings.warn_at.wide_arm)
     if scatterers is not None:
         scatterers.require_apart(tx.position)
         scatterers.require_apart(rx.position)
@@ -205,8 +205,8 @@ def _warn_of_small_objects(
 class _Solver:
     """One solve: what was asked, and what it cost."""
 
-    def __init__(self, state: WorldState, radar: RadarSpec, settings: SionnaSettings) -> None:
-        self.state, self.radar, self.settings = state, radar, settings
+    def __init__(self, state: WorldState, radar: RadarSpec, settings: SionnaSettings, wide_arm: float) -> None:
+        self.state, self.radar, self.settings, self.wide_arm = state, radar, settings, wide_arm
         self.clock = {"trace": 0.0, "geometry": 0.0}
         self.num_candidates, self.overflow = 0, False
         self.mirrors: list[tuple[Legs, Station]] = []
@@ -223,7 +223,8 @@ class _Solver:
     def _legs(self, traced: TracedPaths, station: Station, ends: EndPoints) -> Legs:
         start = time.perf_counter()
         frequency = material_frequency(self.radar, self.radar.carrier_frequency)
-        legs = legs_of(self.state, traced, station, ends, frequency)
+        arm = float(np.linalg.norm(station.arms, axis=1).max(initial=0.0))
+        legs = legs_of(self.state, traced, station, ends, frequency, arm / 2.0 if arm > self.wide_arm else 0.0)
         self.mirrors.append((legs, station))
         self.clock["geometry"] += time.perf_counter() - start
         return legs
