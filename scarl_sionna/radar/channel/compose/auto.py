@@ -262,5 +262,6 @@ def _row(choice: Choice, world: World, again: Verified) -> dict[str, Any]:
         "without_reflection_at": at,
         "expected_error_db": None if error_db is None else round(error_db, 2),
         "second_look_db": None if difference is None else round(difference, 2),
+        "doubt_db": None if item.number not in again.doubts else round(again.doubts[item.number], 2),
         "refined": item.number in again.refined,
     }

@@ -54,6 +54,8 @@ class Verified:
         Instances whose paths are those of a finer level.
     levels : dict
         Echo of these objects over the noise of a cell, mean over the band [dB], by instance.
+    doubts : dict
+        What may be wrong with objects though no level shows it, where it is over the tolerance [dB], by instance.
     tubes : int
         That the second look and what it refined cost, by the same estimate as the budget.
     seconds : float
@@ -64,6 +66,7 @@ class Verified:
     differences: dict[int, float] = field(default_factory=dict)
     refined: list[int] = field(default_factory=list)
     levels: dict[int, float] = field(default_factory=dict)
+    doubts: dict[int, float] = field(default_factory=dict)
     tubes: int = 0
     seconds: float = 0.0
 
@@ -196,6 +199,7 @@ class _Work:
     def settle(self, level: SbrLevel | None, budget: float) -> int:
         """Compute the cheapest doubtful objects at a finer level, return its tubes; the others keep their doubt."""
         doubts, result, chosen, spent = self._doubts(), self.result, [], 0
+        result.doubts = doubts
         cost = {} if level is None else self._cost(level)
         if level is not None:  # what is hidden ends with the first tubes
             for number, tubes in cost.items():

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.settings.mirrors import MirrorSettings
-from scarl_sionna.radar.optics.edges.fresnel_ends import edge_terms, fresnel_axes
+from scarl_sionna.radar.optics.edges.fresnel_ends import edge_distances, edge_terms, fresnel_axes
 from scarl_sionna.radar.optics.tubes.probes import Strips
 
 if TYPE_CHECKING:
@@ -259,7 +259,7 @@ class MirrorEnds:
         for number, rows, some, pieces in self._pieces_near(at):
             near = pieces.take(pieces.free & (pieces.owner == number))
             if len(near.owner):
-                _, height, distance = edge_terms(*self._seen(number, near, some), 0.0)
+                height, distance = edge_distances(*self._seen(number, near, some))
                 found[rows] = ((height < 0.0) & (distance < self.knobs.end_reach)).any(axis=1)
         return found
 
@@ -377,7 +377,7 @@ class MirrorEnds:
         if not len(behind):
             return np.asarray(total)
         some, mine = at.take(behind), near.take(near.owner == number)
-        _, side, away = edge_terms(*self._seen(number, mine, some), 0.0)
+        side, away = edge_distances(*self._seen(number, mine, some))
         nearest = (away - 1e-6 * np.abs(side)).argmin(axis=1)  # of two that meet there the one that turns its side
         line = np.arange(len(behind))
         beyond = side[line, nearest] < 0.0

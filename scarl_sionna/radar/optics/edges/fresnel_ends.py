@@ -76,6 +76,25 @@ def fresnel_axes(normal: Array, ray: Array, inverse: Array, wavelength: float) -
     return np.stack([along * unit * np.abs(cosine)[:, None], np.cross(normal, along) * unit], axis=1)
 
 
+def edge_distances(start: Array, end: Array) -> tuple[Array, Array]:
+    """Return the distances of reflection points from straight pieces of a mirror's outline [Fresnel units].
+
+    Parameters
+    ----------
+    start, end : ndarray of float64, shape (..., 2)
+        As of :func:`edge_terms`.
+
+    Returns
+    -------
+    height : ndarray of float64, shape (...)
+        From the line of the piece, positive on the side of the mirror.
+    distance : ndarray of float64, shape (...)
+        From the piece.
+    """
+    first, last, height = _frame(start, end)
+    return height, np.hypot(height, np.maximum(np.maximum(first, -last), 0.0))
+
+
 def edge_terms(start: Array, end: Array, reach: float) -> tuple[Complex, Array, Array]:
     r"""Return what pieces of a mirror's outline take from the field of one without end.
 
@@ -90,10 +109,8 @@ def edge_terms(start: Array, end: Array, reach: float) -> tuple[Complex, Array, 
     -------
     term : ndarray of complex128, shape (...)
         The sum over the outline is to be taken from 1 where the point is on the mirror, from 0 beyond it.
-    height : ndarray of float64, shape (...)
-        Distance from the line of the piece, positive on the side of the mirror [Fresnel units].
-    distance : ndarray of float64, shape (...)
-        From the piece [Fresnel units].
+    height, distance : ndarray of float64, shape (...)
+        As of :func:`edge_distances`.
 
     Notes
     -----
@@ -103,18 +120,23 @@ def edge_terms(start: Array, end: Array, reach: float) -> tuple[Complex, Array, 
 
     for an endless edge half the complementary error function, :func:`beyond_straight_end`.
     """
-    side = end - start
-    length = np.maximum(np.sqrt((side**2).sum(axis=-1)), 1e-12)
-    first, last = ((point * side).sum(axis=-1) / length for point in (start, end))
-    height = (start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]) / length
-    distance = np.hypot(height, np.maximum(np.maximum(first, -last), 0.0))
+    height, distance = edge_distances(start, end)
     term = np.zeros(height.shape, dtype=np.complex128)
     near = distance < reach
     if near.any():
-        part = _to(height[near], last[near]) - _to(height[near], first[near])
+        first, last, own = _frame(start[near], end[near])
         share = np.clip((distance[near] / reach - TAPER) / (1.0 - TAPER), 0.0, 1.0)
-        term[near] = part * np.cos(0.5 * np.pi * share) ** 2
+        term[near] = (_to(own, last) - _to(own, first)) * np.cos(0.5 * np.pi * share) ** 2
     return term, height, distance
+
+
+def _frame(start: Array, end: Array) -> tuple[Array, Array, Array]:
+    """Return where pieces begin and end along their lines as seen from the reflection point, and their heights."""
+    x, y = start[..., 0], start[..., 1]
+    side_x, side_y = end[..., 0] - x, end[..., 1] - y
+    length = np.maximum(np.hypot(side_x, side_y), 1e-12)
+    first = (x * side_x + y * side_y) / length
+    return first, first + length, (x * side_y - y * side_x) / length
 
 
 def _to(height: Array, along: Array) -> Complex:
