@@ -351,15 +351,28 @@ class MirrorEnds:
             outline, own = self._outline(number), np.flatnonzero(at.mirror == number)
             if not outline.free.any():
                 continue
-            lower, upper = np.minimum(outline.start, outline.end), np.maximum(outline.start, outline.end)
             for rows in np.array_split(own, -(-len(own) // _TOGETHER)):
                 some = at.take(rows)
-                cosine = np.abs(some.ray @ self._normal[number])
-                unit = 1.0 / (np.sqrt(2.0 * some.inverse / self.wavelength) * np.maximum(cosine, 1e-6))
-                margin = self.knobs.end_reach * float(unit.max(initial=0.0))
-                kept = (lower < some.point.max(axis=0) + margin).all(axis=1)
-                kept &= (upper > some.point.min(axis=0) - margin).all(axis=1)
-                yield number, rows, some, outline.take(kept)
+                yield number, rows, some, outline.take(self._may_be_near(number, outline, some))
+
+    def _may_be_near(self, number: int, outline: Outline, at: Reflections) -> Flags:
+        """Return which pieces may be within the reach of some reflections, by a box along their rays."""
+        normal = self._normal[number]
+        cosine = at.ray @ normal
+        along = at.ray - cosine[:, None] * normal
+        along /= np.maximum(np.sqrt(np.einsum("ij,ij->i", along, along)), 1e-9)[:, None]
+        total = along.sum(axis=0)
+        ahead = total / max(float(np.linalg.norm(total)), 1e-9)
+        across = np.cross(normal, ahead)
+        straight = along @ ahead
+        turned = float(np.abs(along @ across).max()) if straight.min() > 0.0 else 1.0
+        unit = self.knobs.end_reach / np.sqrt(2.0 * at.inverse / self.wavelength)
+        long = float((unit / np.maximum(np.abs(cosine), 1e-6)).max())
+        found = np.ones(len(outline.owner), dtype=np.bool_)
+        for axis, margin in ((ahead, long), (across, float(unit.max()) + turned * long)):
+            place, start, end = at.point @ axis, outline.start @ axis, outline.end @ axis
+            found &= (np.minimum(start, end) < place.max() + margin) & (np.maximum(start, end) > place.min() - margin)
+        return found
 
     def _seen(self, number: int, pieces: Outline, at: Reflections) -> tuple[Array, Array]:
         """Return the ends of m pieces as n reflection points see them in the plane, (n, m, 2) [Fresnel units]."""
