@@ -136,7 +136,7 @@ def legs_of(
         If a material that is met has no data at this frequency.
     """
     scattered, bent = ((traced.kind == kind).any(axis=1) for kind in (DIFFUSE, DIFFRACTION))
-    legs = _straight(state, traced, ~scattered & ~bent, station, ends, frequency, arm)
+    legs = _straight(state, traced, ~scattered & ~bent, (station, ends), frequency, arm)
     rows = np.flatnonzero(bent & ~scattered)
     if len(rows):
         over = [edge_leg(state, traced, int(row), station, ends, frequency) for row in rows]
@@ -153,12 +153,12 @@ def _straight(
     state: WorldState,
     traced: TracedPaths,
     rows: npt.NDArray[np.bool_],
-    station: Station,
-    ends: EndPoints,
+    link: tuple[Station, EndPoints],
     frequency: float,
     arm: float,
 ) -> Legs:
     """Return the legs of mirrors and panes only."""
+    station, ends = link
     chain, target, part = chain_of(traced, rows), traced.target[rows], traced.part[rows]
     images = chain.images(ends.position[target])
     point, right = chain.vertices(station.position, images)

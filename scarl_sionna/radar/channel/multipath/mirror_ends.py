@@ -16,7 +16,7 @@ from scarl_sionna.radar.optics.edges.fresnel_ends import edge_distances, edge_te
 from scarl_sionna.radar.optics.tubes.probes import Strips
 
 if TYPE_CHECKING:
-    from scarl_sionna.engine.world import WorldState
+    from scarl_sionna.engine.world import World, WorldState
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -25,6 +25,8 @@ Flags = npt.NDArray[np.bool_]
 
 SAME_CORNER = 1e-4
 """Corners of a mesh this near to each other are one [m]: the rounding of float32 meshes."""
+ONE_LINE = 1e-5
+"""Pieces whose directions agree within this are on one line [rad]."""
 PIECE = 2.0
 """Edges are looked at in pieces no longer than this [m]."""
 BESIDE = 0.03
@@ -33,7 +35,7 @@ ABOVE = 0.3
 """An edge over which something lies within this is no edge that a wave meets [m]."""
 ONE_PLANE = 0.005
 """Surfaces that bend by less than this at an edge go on [rad]."""
-_TOGETHER = 512
+_TOGETHER = 128
 """Points that are compared with pieces of outlines together: bounds the memory, changes no result."""
 IN_ONE_PLANE = 2e-3
 """Mirrors that are this near to the plane of another are in that plane [m]."""
@@ -79,6 +81,10 @@ class Outline:
 
 class FlatMirror(Protocol):
     """A flat region of a mesh: see :class:`~scarl_sionna.radar.channel.compose.mirrors.Mirror`."""
+
+    @property
+    def part(self) -> int:
+        """Row of the part table."""
 
     @property
     def faces(self) -> Index:
@@ -180,16 +186,17 @@ def merged(outline: Outline) -> Outline:
     length = np.linalg.norm(side, axis=1)
     if not len(length):
         return outline
-    same = (
-        (np.abs(outline.start[1:] - outline.end[:-1]).max(axis=1) < SAME_CORNER)
-        & (np.einsum("ij,ij->i", side[1:], side[:-1]) > (1.0 - 1e-9) * length[1:] * length[:-1])
-        & (outline.owner[1:] == outline.owner[:-1])
-        & (outline.free[1:] == outline.free[:-1])
-    )
+    along = side / length[:, None]
+    place = np.einsum("ij,ij->i", outline.start, along)
+    line = np.round(np.column_stack([along / ONE_LINE, (outline.start - place[:, None] * along) / SAME_CORNER]))
+    kind = np.column_stack([outline.owner, outline.free])
+    order = np.lexsort((place, *line.T, *kind.T))
+    found, line, kind = outline.take(order), line[order], kind[order]
+    same = (line[1:] == line[:-1]).all(axis=1) & (kind[1:] == kind[:-1]).all(axis=1)
+    same &= np.abs(found.start[1:] - found.end[:-1]).max(axis=1) < SAME_CORNER
     first = np.flatnonzero(np.concatenate([[True], ~same]))
     last = np.concatenate([first[1:] - 1, [len(length) - 1]])
-    found = outline.take(first)
-    return Outline(found.start, outline.end[last], found.out, found.owner, found.free)
+    return replace(found.take(first), end=found.end[last])
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,8 +331,10 @@ class MirrorEnds:
         keys = {k: (int(self.mirrors[k].faces[0]), float(side[k]), thickness) for k in numbers}
         missing = [k for k, key in keys.items() if key not in known]
         if missing:
-            raw = [outline_of(self.mirrors[k].corners.reshape(-1, 3, 3), self._normal[k], k) for k in missing]
-            pieces = in_pieces(Outline.joined(raw))
+            raw = [self._raw(k) for k in missing]
+            pieces = Outline.joined(
+                [replace(one, owner=np.full(len(one.owner), k)) for one, k in zip(raw, missing, strict=True)]
+            )
             pieces = with_free_edges(self.state, pieces, self._normal, offset, self.position, thickness)
             for k in missing:
                 known[keys[k]] = merged(pieces.take(pieces.owner == k))
@@ -333,6 +342,15 @@ class MirrorEnds:
         return Outline.joined(
             [replace(one, owner=np.full(len(one.owner), k)) for one, k in zip(found, numbers, strict=True)]
         )
+
+    def _raw(self, number: int) -> Outline:
+        """Return the outline of a mirror in pieces, all free; that of a part that stands still is found once."""
+        mirror, world = self.mirrors[number], self.state.world
+        known = _standing.setdefault(world, {}) if world.parts.actor[mirror.part] < 0 else {}
+        key = int(mirror.faces[0]), len(mirror.faces)
+        if key not in known:
+            known[key] = in_pieces(outline_of(mirror.corners.reshape(-1, 3, 3), self._normal[number], number))
+        return known[key]
 
     def _metres(self, number: int, at: Reflections, axis: Array) -> Array:
         """Return how far the reach is across straight edges, for each of n points, (n, m) [m].
@@ -400,4 +418,5 @@ class MirrorEnds:
         return np.asarray(total)
 
 
+_standing: WeakKeyDictionary[World, dict[tuple[int, int], Outline]] = WeakKeyDictionary()
 _outlines: WeakKeyDictionary[WorldState, dict[tuple[int, float, float], Outline]] = WeakKeyDictionary()

@@ -92,7 +92,8 @@ def edge_distances(start: Array, end: Array) -> tuple[Array, Array]:
         From the piece.
     """
     first, last, height = _frame(start, end)
-    return height, np.hypot(height, np.maximum(np.maximum(first, -last), 0.0))
+    beyond = np.maximum(np.maximum(first, -last), 0.0)
+    return height, np.sqrt(height * height + beyond * beyond)
 
 
 def edge_terms(start: Array, end: Array, reach: float) -> tuple[Complex, Array, Array]:
@@ -134,7 +135,7 @@ def _frame(start: Array, end: Array) -> tuple[Array, Array, Array]:
     """Return where pieces begin and end along their lines as seen from the reflection point, and their heights."""
     x, y = start[..., 0], start[..., 1]
     side_x, side_y = end[..., 0] - x, end[..., 1] - y
-    length = np.maximum(np.hypot(side_x, side_y), 1e-12)
+    length = np.maximum(np.sqrt(side_x * side_x + side_y * side_y), 1e-12)
     first = (x * side_x + y * side_y) / length
     return first, first + length, (x * side_y - y * side_x) / length
 
@@ -149,7 +150,8 @@ def _to(height: Array, along: Array) -> Complex:
         h, t = h[some, None], t[some, None]
         s = 0.5 * t * (1.0 + _NODES)
         square = np.maximum(h**2 + s**2, 1e-24)
-        smooth = np.expm1(-0.5j * np.pi * square) * h / square  # the rest is an angle
-        integral = (0.5 * t * (smooth @ _WEIGHTS[:, None]))[:, 0]
+        sine, cosine = np.sin(0.25 * np.pi * square), np.cos(0.25 * np.pi * square)
+        scale = h / square * sine * _WEIGHTS  # exp(-j pi square / 2) - 1 is -2 j sine exp(-j pi square / 4)
+        integral = -t[:, 0] * ((scale * sine).sum(axis=1) + 1j * (scale * cosine).sum(axis=1))
         found[some] = (integral + np.arctan2(t[:, 0], np.maximum(h[:, 0], 1e-300))) / (2.0 * np.pi)
     return sign * found
