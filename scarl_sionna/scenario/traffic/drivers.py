@@ -390,7 +390,7 @@ class Crowd:
             here, there = _meeting(track, self.graph.tracks[index])
             line = _line_before(track, base, here)
             beyond = there - self.graph.tracks[index].length
-            if line >= -0.5 and _can_stop(driver, line) and self._comes(index, index, time, beyond, 3):
+            if line >= -0.5 and _can_stop(driver, line, on_foot.EASY_BRAKING) and self._comes(index, index, time, beyond, 3):
                 return line
         return None
 
@@ -424,8 +424,8 @@ class Crowd:
                     self._take(number, driver, zone, index, driver.way + base + last + length)
 
 
-def _can_stop(driver: Driver, line: float) -> bool:
-    return driver.speed**2 / (2.0 * max(line, 0.1)) <= FIRM_BRAKING
+def _can_stop(driver: Driver, line: float, braking: float = FIRM_BRAKING) -> bool:
+    return driver.speed**2 <= 2.0 * braking * max(line, 0.1)
 
 
 def _line_before(track: Track, base: float, place: float) -> float:

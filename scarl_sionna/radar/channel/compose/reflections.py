@@ -132,11 +132,11 @@ def _seen(view: MirrorView, looks: Sequence[Look], depth: int) -> list[Sight]:
     ways = np.repeat(place[:, None] - 1, depth, axis=1)
     rows = np.flatnonzero(Viewpoint.of(view.radar, pose, np.zeros(3)).sees(view.chain(ways).images(points)[:, 0]))
     rows = rows[view.shows(ways[rows], points[rows], owner[rows])]
-    leg = view.leg(ways[rows], np.eye(3), points[rows], np.zeros((len(rows), 3)), with_ends=False)
+    leg = view.leg(ways[rows], np.eye(3), points[rows], np.zeros((len(rows), 3)))
     ahead = leg.image - pose.position
     length = np.sqrt(np.einsum("ij,ij->i", ahead, ahead))
     strength = largest_field_gain(view.radar.array, ahead @ pose.rotation) / np.maximum(length, 1e-3)
-    strength = strength * _largest_gain(leg.jones)
+    strength = strength * _largest_gain(leg.jones) * np.abs(leg.weight)
     borders = np.searchsorted(rows, np.concatenate([[0], np.cumsum(size)]))
     return [
         _sight(strength[first:last], length[first:last], count)

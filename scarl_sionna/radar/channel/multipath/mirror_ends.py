@@ -34,7 +34,9 @@ BESIDE = 0.03
 ABOVE = 0.3
 """An edge over which something lies within this is no edge that a wave meets [m]."""
 ONE_PLANE = 0.005
-"""Surfaces that bend by less than this at an edge go on [rad]."""
+"""Mirrors whose normals differ by less may lie in one plane [rad]."""
+GENTLE = 0.02
+"""Surfaces that bend by less than this at an edge go on: facets of 3 m of a wall in a bend of 150 m [rad]."""
 _TOGETHER = 128
 """Points that are compared with pieces of outlines together: bounds the memory, changes no result."""
 IN_ONE_PLANE = 2e-3
@@ -172,7 +174,7 @@ def with_free_edges(
     kind, row = hits.ray // count, hits.ray % count
     facing = np.einsum("ij,ij->i", state._triangles.normal[hits.face], above[row])
     still = state.world.parts.actor[hits.part] < 0
-    goes_on = (kind == 0) & (hits.distance < lift + thickness) & (np.abs(facing) > np.cos(ONE_PLANE))
+    goes_on = (kind == 0) & (hits.distance < lift + thickness) & (np.abs(facing) > np.cos(GENTLE))
     rises = (kind == 1) & (hits.distance < 2.0 * BESIDE) & (np.abs(facing) < STEEP)
     buried = (kind == 2) & (hits.distance < ABOVE - thickness)
     free = np.ones(count, dtype=np.bool_)
