@@ -26,6 +26,10 @@ Array = npt.NDArray[np.float64]
 
 HARDEST_BRAKING, FIRM_BRAKING = 8.0, 4.0
 """What brakes can give, and what a driver brakes with at a signal that has just turned red [m/s^2]."""
+EASY_BRAKING, _SHORT = 2.0, 1.0
+"""What a driver brakes with to let others go first [m/s^2], and how far from them it stops [m]."""
+_CREEP = 0.3
+"""Who is slower stands [m/s]."""
 _JERK, _EMERGENCY_JERK = 6.0, 25.0
 _RELEASE_JERK, _STOP_JERK = 12.0, 8.0
 """How fast brakes are let go when the way is free, and towards a stop [m/s^3]."""
@@ -142,6 +146,14 @@ class Driver:
         for _ in range(_HALVINGS):
             self.speed = 0.5 * (low + high)
             low, high = (self.speed, high) if self.follow(gap, self.speed - ahead, desired) > 0.0 else (low, self.speed)
+
+    def can_stop(self, away: float) -> bool:
+        """Return whether brakes stop it before a place some way ahead [m], as at a signal that has just turned red."""
+        return self.speed**2 <= 2.0 * FIRM_BRAKING * max(away, 0.1)
+
+    def stops_at_ease(self, away: float) -> bool:
+        """Return whether it stands, or stops some way ahead [m] without hard braking; who does not goes on."""
+        return self.speed < _CREEP or self.speed**2 <= 2.0 * EASY_BRAKING * (away - _SHORT)
 
     def slow_down(self) -> float:
         """Return the acceleration that is needed for the speeds of the route ahead [m/s^2], infinite where none is."""

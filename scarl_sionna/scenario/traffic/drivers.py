@@ -303,16 +303,20 @@ class Crowd:
             if base > reach:
                 return None
             last_one = place == len(driver.route) - 1
-            line = None if last_one else self._must_wait(driver, track, base, time)
-            if line is not None:
-                return self._give_back(number, driver, line, tracks)
+            wait = None if last_one else self._must_wait(driver, track, base, time)
+            if wait is not None:
+                return self._give_back(number, driver, wait, tracks)
             for zone, first, last, merging in track.zones:
                 if base + last < 0.0 or zone in driver.held or base + first > reach:
                     continue
                 if leader is not None and leader.front < base + first and leader.number not in self.holders[zone]:
                     return None  # those in front go first
                 no_room = (
-                    leader is not None and leader.speed < 1.5 and leader.gap < base + last + 1.0 and base + first > 0.5
+                    leader is not None
+                    and leader.speed < 1.5
+                    and leader.gap < base + last + 1.0
+                    and base + first > 0.5
+                    and driver.stops_at_ease(base + first)
                 )
                 free_at = driver.way + base + last + (0.0 if merging else driver.body.length)
                 if no_room or not self._take(number, driver, zone, driver.route[place], free_at):
@@ -352,9 +356,9 @@ class Crowd:
     def _give_back(self, number: int, driver: Driver, line: float, tracks: Sequence[Track]) -> float:
         """Give back zones beyond a stop line, and those before it in which the body would stand.
 
-        Return the stop line then [m].
+        Of the latter only those before which it stops at ease. Return the stop line then [m].
         """
-        spans = []
+        spans, beyond = [], line
         for place in range(driver.place, len(driver.route)):
             base = driver.starts[place] - driver.way
             spans += [
@@ -365,7 +369,7 @@ class Crowd:
             if base > line + _HORIZON:
                 break
         for first, last, zone in sorted(spans, reverse=True):
-            if first <= 0.0 or driver.speed**2 / (2.0 * max(first, 0.1)) > FIRM_BRAKING:
+            if first <= 0.0 or not (driver.can_stop if first >= beyond else driver.stops_at_ease)(first):
                 break
             if last + driver.body.length + 1.0 < line or zone not in driver.held:
                 continue
@@ -384,13 +388,13 @@ class Crowd:
             line = _line_before(track, base, track.length)
             left = self.signals.green_left(track.signal, time)
             is_red = left <= 0.0 or (left < 3.0 and end / max(driver.speed, 1.0) > left)
-            if is_red and line >= -0.5 and _can_stop(driver, line):
+            if is_red and line >= -0.5 and driver.can_stop(line):
                 return line
         for index in track.yield_to:
             here, there = _meeting(track, self.graph.tracks[index])
             line = _line_before(track, base, here)
             beyond = there - self.graph.tracks[index].length
-            if line >= -0.5 and _can_stop(driver, line, on_foot.EASY_BRAKING) and self._comes(index, index, time, beyond, 3):
+            if line >= -0.5 and driver.stops_at_ease(line) and self._comes(index, index, time, beyond, 3):
                 return line
         return None
 
@@ -422,10 +426,6 @@ class Crowd:
                 length = 0.0 if merging else driver.body.length
                 if base + first <= 0.0 <= base + last + length:
                     self._take(number, driver, zone, index, driver.way + base + last + length)
-
-
-def _can_stop(driver: Driver, line: float, braking: float = FIRM_BRAKING) -> bool:
-    return driver.speed**2 <= 2.0 * braking * max(line, 0.1)
 
 
 def _line_before(track: Track, base: float, place: float) -> float:

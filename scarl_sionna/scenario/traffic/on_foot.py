@@ -7,14 +7,10 @@ from collections.abc import Sequence
 from .driver import Driver
 from .tracks import Track, TrackGraph
 
-EASY_BRAKING = 2.0
-"""Vehicles that need not brake harder let people over [m/s^2]."""
 ISLAND = 1.5
 """Lanes of vehicles with less between them are crossed without a stop [m]."""
 _LOOK, _STEP_OFF = 2.0, 1.5
 """How far ahead people look for what crosses their way: way of so many seconds, and so much more [m]."""
-_STOP = 1.0
-"""Distance at which vehicles stop before people [m]."""
 CLEARANCE = 1.0
 """Time for which the way over stays free behind who crossed [s]."""
 
@@ -63,6 +59,6 @@ def lets_over(driver: Driver, zone: int, tracks: Sequence[Track]) -> bool:
             continue
         for other, first, _, _ in tracks[track].zones:
             away = driver.starts[place] + first - driver.way
-            if other == zone and away > _STOP:
-                return driver.speed**2 <= 2.0 * EASY_BRAKING * (away - _STOP)
+            if other == zone and away > 0.0:
+                return driver.stops_at_ease(away)
     return False
