@@ -183,7 +183,7 @@ class MirrorView:
         vertices, right = chain.vertices(self.station.position, chain.images(points))
         return np.asarray(self._open(ways, vertices, points, owner, right))
 
-    def leg(self, ways: Ways, rotation: Array, points: Array, velocities: Array, with_ends: bool = True) -> Leg:
+    def leg(self, ways: Ways, rotation: Array, points: Array, velocities: Array) -> Leg:
         """Return ways to points, whether they are open or not.
 
         Parameters
@@ -197,8 +197,6 @@ class MirrorView:
             the direction in which the wave meets the object first [m, world].
         velocities : ndarray of float64, shape (num_points, 3)
             Of these points [m/s, world].
-        with_ends : bool
-            Whether the ends of mirrors count; all weights are 1 if not.
         """
         state, station = self.state, self.station
         chain, parts = self.chain(ways), self._planes[2][ways]
@@ -224,7 +222,7 @@ class MirrorView:
             velocity -= 2.0 * np.einsum("pi,pi->p", velocity - surface[:, k], normal)[:, None] * normal
         seen = chain.image_velocity(velocities, surface) - station.velocity
         weight = np.ones(len(points), dtype=np.complex128)
-        if self.ends is not None and with_ends and ways.shape[1] == 1:
+        if self.ends is not None and ways.shape[1] == 1:
             weight = self.ends.weight(self._reflections(ways, vertices, travel[:, 0], points))
         return Leg(images[:, 0], jones, travel[:, -1], velocity, seen, weight)
 
