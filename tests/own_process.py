@@ -93,7 +93,9 @@ def _run(nodeids: list[str], options: list[str]) -> dict[str, tuple[str, str]]:
         )
         lines = (done.stdout + done.stderr).splitlines()
         # after a crash Python names all compiled modules, in a line that is longer than where it happened
-        printed = "\n".join(line for line in lines if not line.startswith("Extension modules: "))[-4000:]
+        lines = [line for line in lines if not line.startswith("Extension modules: ")]
+        crash = next((k for k, line in enumerate(lines) if "Fatal Python error" in line), None)
+        printed = "\n".join(lines)[-4000:] if crash is None else "\n".join(lines[crash : crash + 30])
         found = {"": ("failed", f"the test's own process ended with {done.returncode}:\n{printed}")}
         for line in results.read_text(encoding="utf-8").splitlines():
             nodeid, outcome, text = json.loads(line)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.light.haze import Haze
 from scarl_sionna.engine.light.lamp_table import SURFACE, lamp_table
 from scarl_sionna.engine.threads import many_threads
@@ -77,7 +78,7 @@ def lamp_light(
     steps = (np.arange(side) + 0.5) / side
     down, right = (values.ravel() for values in np.meshgrid(steps, steps, indexing="ij"))
     rays = _between(directions, rows[:, None] + down, columns[:, None] + right).reshape(-1, 3)
-    ray = mi.Ray3f(mi.Point3f(*world_from_sensor.position.tolist()), mi.Vector3f(rays.T.astype(np.float32)))
+    ray = mi.Ray3f(mi.Point3f(*world_from_sensor.position.tolist()), Device(mi).single_vectors(rays))
     hit = scene.ray_intersect(ray)
     emitted = hit.emitter(scene).eval(hit)
     if haze is not None:

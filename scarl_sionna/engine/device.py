@@ -15,6 +15,8 @@ from .types import DeviceArray
 
 ALIGNMENT = 64
 """Of arrays that kernels read [bytes]."""
+PACKET = 16
+"""Numbers that a kernel reads at a time, at most: also the last of an array, and what is behind them in memory."""
 
 
 class Device:
@@ -49,11 +51,11 @@ class Device:
 
     def reals(self, values: npt.ArrayLike) -> DeviceArray:
         """Return an array of any shape on the device, row after row."""
-        return self.Real(_aligned(np.ascontiguousarray(values, dtype=np.float64).ravel()))
+        return self.Real(in_packets(np.asarray(values, dtype=np.float64)))
 
     def single(self, values: npt.ArrayLike) -> DeviceArray:
         """Return an array of any shape on the device, row after row, rounded to float32."""
-        return self.mi.Float(_aligned(np.ascontiguousarray(values, dtype=np.float32).ravel()))
+        return self.mi.Float(in_packets(np.asarray(values, dtype=np.float32)))
 
     def vectors(self, values: npt.ArrayLike) -> DeviceArray:
         """Return vectors (n, 3) on the device."""
@@ -86,25 +88,28 @@ class Device:
 
     def index(self, values: npt.NDArray[np.integer]) -> DeviceArray:
         """Return numbers >= 0 of any shape on the device, row after row."""
-        return self.mi.UInt32(_aligned(np.ascontiguousarray(values, dtype=np.uint32).ravel()))
+        return self.mi.UInt32(in_packets(np.asarray(values, dtype=np.uint32)))
 
     def label(self, values: npt.NDArray[np.integer]) -> DeviceArray:
         """Return numbers of any shape and sign on the device, row after row."""
-        return self.mi.Int32(_aligned(np.ascontiguousarray(values, dtype=np.int32).ravel()))
+        return self.mi.Int32(in_packets(np.asarray(values, dtype=np.int32)))
+
+    def mask(self, values: npt.NDArray[np.bool_]) -> DeviceArray:
+        """Return truth values of any shape on the device, row after row."""
+        return self.mi.Bool(in_packets(np.asarray(values, dtype=np.bool_)))
 
 
-def _aligned(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return a flat array at a multiple of `ALIGNMENT`, a copy where it is at none.
+def in_packets(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return a flat copy that Dr.Jit may read in place: at a multiple of `ALIGNMENT`, with a whole packet behind it.
 
-    Dr.Jit reads NumPy's memory in place, and a kernel for LLVM states how each input is aligned: arrays wherever NumPy
-    puts them make a new kernel for each combination, 0.2 to 0.8 s each.
+    Dr.Jit maps NumPy's memory, and a kernel for LLVM reads it in whole packets (`PACKET`): of an array that ends where
+    memory ends it reads beyond, and the process dies. Such a kernel also states how each input is aligned: arrays
+    wherever NumPy puts them make a new kernel for each combination, 0.2 to 0.8 s each.
     """
-    if values.ctypes.data % ALIGNMENT == 0:
-        return values
-    memory = np.empty(values.nbytes + ALIGNMENT, dtype=np.uint8)
+    memory = np.empty(values.nbytes + PACKET * values.itemsize + ALIGNMENT, dtype=np.uint8)
     start = -memory.ctypes.data % ALIGNMENT
     found = memory[start : start + values.nbytes].view(values.dtype)
-    found[:] = values
+    found[:] = values.ravel()
     return found
 
 

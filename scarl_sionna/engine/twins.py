@@ -207,7 +207,7 @@ class Twin:
         for field, values in zip(_OF_MESH, (vertices, normals), strict=False):
             if values is not None:
                 pointer, kind, *_ = self._fields[f"{name}.{field}"]
-                mi.set_property(pointer, kind, mi.Float(values.astype(np.float32).ravel()))
+                mi.set_property(pointer, kind, Device(mi).single(values))
                 written.append(field)
         self._shapes[name].parameters_changed(written)
 

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -55,3 +60,52 @@ def test_one_kernel_however_many_rays_are_cast() -> None:
             directions = np.random.default_rng(count).normal(size=(count, 3))
             state.cast(np.array([0.0, 0.0, 1.0]), directions / np.linalg.norm(directions, axis=1, keepdims=True))
         assert len(found()) == 1
+
+
+AT_THE_EDGE = """
+import ctypes, mmap
+import numpy as np
+from scarl_sionna.engine.device import device
+
+PAGE = mmap.PAGESIZE
+libc = ctypes.CDLL(None)
+
+def at_the_edge(values):
+    memory = mmap.mmap(-1, 3 * PAGE)
+    begin = ctypes.addressof(ctypes.c_char.from_buffer(memory))
+    assert libc.mprotect(ctypes.c_void_p(begin + 2 * PAGE), PAGE, 0) == 0
+    last = np.frombuffer(memory, dtype=np.uint8)[2 * PAGE - values.nbytes : 2 * PAGE].view(values.dtype)
+    last[:] = values
+    return last
+
+with device() as on:
+    for count in (1, 7, 8, 100):
+        numbers = np.arange(count)
+        for kind, dtype in dict(reals="f8", single="f4", index="u4", label="i4").items():
+            assert np.all((getattr(on, kind)(at_the_edge(numbers.astype(dtype))) + 1).numpy() == numbers + 1)
+        assert np.all((~on.mask(at_the_edge(numbers % 3 == 0))).numpy() == (numbers % 3 != 0))
+print("read")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a page that nobody may read")
+def test_what_lies_behind_an_array_is_not_read() -> None:
+    """Kernels read whole packets: of NumPy's own memory they read beyond its end, and now and then a process died."""
+    done = subprocess.run([sys.executable, "-c", AT_THE_EDGE], capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout == "read\n", (done.returncode, done.stderr)
+
+
+def test_no_module_lets_kernels_read_memory_of_numpy() -> None:
+    root = Path(ss.__file__).parents[1]
+    straight = re.compile(
+        r"\b(mi|on|rays|self)\.(Float|UInt32|Int32|Bool|Real|Fine|TensorXf|Vector3f|Point3f)"
+        r"\((?![^()]*\bin_packets\b)[^()]*(\bnp\.|\.astype\(|\.ravel\()"
+    )
+    found = [
+        f"{path.relative_to(root)}:{number}: {line.strip()}"
+        for folder in ("scarl_sionna", "camera_lidar")
+        for path in sorted((root / folder).rglob("*.py"))
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if straight.search(line)
+    ]
+    assert not found, found

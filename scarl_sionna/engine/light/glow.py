@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.specs.lidar_ratio import FOG_LIDAR_RATIO
+from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 from .haze import Haze
@@ -67,22 +68,16 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
 
         def place(self, scene: MitsubaObject, table: LampTable, extinction: float) -> None:
             """Take the lamps of a scene and the haze's extinction coefficient [1/m]."""
-            lamps = glowing(table)
+            lamps, on = glowing(table), Device(mi)
             self._count = dr.opaque(mi.UInt32, len(lamps))
             self._extinction = dr.opaque(mi.Float, float(extinction))
-            self._is_surface = mi.Bool(table.kind[lamps] == SURFACE)
-            self._center, self._axis, self._side = (
-                mi.Float(v[lamps].astype(np.float32).ravel()) for v in (table.center, table.axis, table.side)
-            )
-            self._strength, self._radius = (
-                mi.Float(v[lamps].astype(np.float32)) for v in (table.strength, table.radius)
-            )
+            self._is_surface = on.mask(table.kind[lamps] == SURFACE)
+            self._center, self._axis, self._side = (on.single(v[lamps]) for v in (table.center, table.axis, table.side))
+            self._strength, self._radius = (on.single(v[lamps]) for v in (table.strength, table.radius))
             self._beam = beam_table(mi)
             emitters = scene.emitters_dr()
-            self._emitters = dr.gather(mi.EmitterPtr, emitters, mi.UInt32(table.emitter[lamps].astype(np.uint32)))
-            self._before, self._share = (
-                mi.Float(v[lamps].astype(np.float32)) for v in (table.first_share, table.share)
-            )
+            self._emitters = dr.gather(mi.EmitterPtr, emitters, on.index(table.emitter[lamps]))
+            self._before, self._share = (on.single(v[lamps]) for v in (table.first_share, table.share))
 
         def _stretch(
             self, index: DeviceArray, ray: MitsubaObject, length: DeviceArray

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.scene.document.model import MaterialEntry, SceneDocument
 from scarl_sionna.scene.materials.wet import WET_DARKENING
@@ -137,6 +138,6 @@ def airlight(mi: ModuleType, scene: MitsubaObject) -> npt.NDArray[np.float64]:
     direction = np.stack([np.cos(azimuth), np.sin(azimuth), np.full(72, np.tan(np.radians(3.0)))])
     direction /= np.linalg.norm(direction, axis=0)
     interaction = mi.SurfaceInteraction3f()
-    interaction.wi = mi.Vector3f(-direction.astype(np.float32))
+    interaction.wi = Device(mi).single_vectors(-direction.T)
     radiance = np.array(environment.eval(interaction, True), dtype=np.float64).reshape(3, -1)
     return np.median(radiance, axis=1)  # median: not the sun's disc

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 from .lamp_table import BEAM, SKY, LampTable, lamp_table
@@ -52,7 +53,8 @@ def _beam_table() -> npt.NDArray[np.float32]:
 
 def beam_table(mi: ModuleType) -> MitsubaObject:
     """Return the intensity of a low beam as a texture, for :func:`beam_intensity`."""
-    return mi.Texture2f(mi.TensorXf(_beam_table()[..., None]))
+    table = _beam_table()
+    return mi.Texture2f(mi.TensorXf(Device(mi).single(table), (*table.shape, 1)))
 
 
 def beam_intensity(
@@ -116,22 +118,21 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             self._modules = mi, dr
             self._max_depth, self._roulette = dr.opaque(mi.UInt32, max_depth), dr.opaque(mi.UInt32, roulette_depth)
             self._count = dr.opaque(mi.UInt32, len(table.kind))
-            self._kind = mi.UInt32(table.kind.astype(np.uint32))
-            self._center, self._axis, self._side = (
-                mi.Float(v.astype(np.float32).ravel()) for v in (table.center, table.axis, table.side)
-            )
-            self._strength, self._radius = (mi.Float(v.astype(np.float32)) for v in (table.strength, table.radius))
-            self._before, self._share = (mi.Float(v.astype(np.float32)) for v in (table.first_share, table.share))
+            on = Device(mi)
+            self._kind = on.index(table.kind)
+            self._center, self._axis, self._side = (on.single(v) for v in (table.center, table.axis, table.side))
+            self._strength, self._radius = on.single(table.strength), on.single(table.radius)
+            self._before, self._share = on.single(table.first_share), on.single(table.share)
             self._beam = beam_table(mi)
             emitters = scene.emitters_dr()
-            self._emitters = dr.gather(mi.EmitterPtr, emitters, mi.UInt32(table.emitter.astype(np.uint32)))
-            self._start, self._step, self._row = (mi.UInt32(v.astype(np.uint32)) for v in table.pieces)
+            self._emitters = dr.gather(mi.EmitterPtr, emitters, on.index(table.emitter))
+            self._start, self._step, self._row = (on.index(v) for v in table.pieces)
             ids = np.array(dr.reinterpret_array(mi.UInt32, emitters), dtype=np.int64)
             index = np.zeros(int(ids.max()) + 1, dtype=np.uint32)
             index[ids] = np.arange(len(ids))
-            self._index_of_id = mi.UInt32(index)
+            self._index_of_id = on.index(index)
             back = surfaces.retroreflectors
-            self._sheets, self._beads = (mi.Float(column) for column in back.columns(mi, scene))
+            self._sheets, self._beads = (on.single(column) for column in back.columns(mi, scene))
             self._sends_back = bool(back.sheets or back.beads)
             self._windows = WindowTable(mi, scene, surfaces.windows)
 

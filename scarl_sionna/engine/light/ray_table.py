@@ -9,6 +9,7 @@ from types import ModuleType
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 PLUGIN = "scarl_ray_table"
@@ -44,8 +45,7 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
         def place(self, table: RayTable) -> None:
             """Take the rays. All numbers are variables, so that no pose or lens costs a compilation."""
             height, width = table.seen.shape
-            self._directions = mi.Float(table.directions.astype(np.float32).ravel())
-            self._seen = mi.Float(table.seen.astype(np.float32).ravel())
+            self._directions, self._seen = Device(mi).single(table.directions), Device(mi).single(table.seen)
             self._size = mi.Vector2f(dr.opaque(mi.Float, float(width)), dr.opaque(mi.Float, float(height)))
             self._columns = dr.opaque(mi.UInt32, width)
             self._origin = mi.Point3f(*(dr.opaque(mi.Float, float(value)) for value in table.origin))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import ModuleType
 from typing import NamedTuple
 
@@ -76,4 +77,4 @@ def observation_angle(mi: ModuleType, to_lamp: DeviceArray, to_eye: DeviceArray)
     """Return the angle between two unit vectors [deg], exact for small ones in single precision, too."""
     import drjit as dr
 
-    return mi.Float(np.degrees(2.0)) * dr.asin(dr.minimum(0.5 * dr.norm(to_lamp - to_eye), 1.0))
+    return mi.Float(math.degrees(2.0)) * dr.asin(dr.minimum(0.5 * dr.norm(to_lamp - to_eye), 1.0))

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.types import MitsubaObject
 
 from .clouds import CloudedLight, broken_clouds, mottling, through_clouds
@@ -180,5 +181,5 @@ def clear_sky(mi: ModuleType, lighting: Lighting) -> tuple[Array, Array]:
 def _evaluate(mi: ModuleType, emitter: MitsubaObject, directions: Array) -> Array:
     """Return the radiance that an environment emitter sends from directions, shape (n, 3)."""
     interaction = mi.SurfaceInteraction3f()
-    interaction.wi = mi.Vector3f(-directions.T.astype(np.float32))
+    interaction.wi = Device(mi).single_vectors(-directions)
     return np.array(emitter.eval(interaction, True), dtype=np.float64).reshape(3, -1).T

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.semantics import semantic_id
+from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 from scarl_sionna.scene.tables import PartTable
 
@@ -154,12 +155,13 @@ class WindowTable:
                 count += len(own)
         self._mi = mi
         self.any = count > 1
-        self._first = mi.Int32(first)
-        self._pane_of_face = mi.Int32(np.concatenate(pane_of_face))
+        on = Device(mi)
+        self._first = on.label(first)
+        self._pane_of_face = on.label(np.concatenate(pane_of_face))
         panes = np.zeros((max(len(windows.panes), 1), 8), dtype=np.float32)
         panes[: len(windows.panes)] = windows.panes
         rooms = windows.rooms if len(windows.rooms) else np.zeros((1, 4), dtype=np.float32)
-        self._panes, self._rooms = mi.Float(panes.ravel()), mi.Float(rooms.ravel())
+        self._panes, self._rooms = on.single(panes), on.single(rooms)
 
     def pane(self, si: MitsubaObject, active: DeviceArray) -> DeviceArray:
         """Return the row of the pane that a light path meets, -1 for none."""

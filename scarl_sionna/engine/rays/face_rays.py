@@ -60,6 +60,10 @@ class FaceRays(Device, ABC):
         self._scene = scene
         self.twin = twin
 
+    def fine(self, values: Array) -> DeviceArray:
+        """Return an array of any shape on the device, row after row, as :attr:`Fine`."""
+        return self.reals(values) if self.Fine is self.Real else self.single(values)
+
     def active(self) -> AbstractContextManager[ModuleType]:
         """Return the context manager of the variant in which these rays work."""
         return variant.use(self.twin)
@@ -131,7 +135,7 @@ class StateRays(FaceRays):
         self.Fine, self.FinePoint = self.Real, self.Vector  # far from the origin float32 is not fine enough
         part = engine.part_of_number(np.arange(len(engine._part_of_registry)))
         first = state._triangles.first
-        self._first = mi.Int32(np.where(part >= 0, first[np.maximum(part, 0)], MISS).astype(np.int32))
+        self._first = self.label(np.where(part >= 0, first[np.maximum(part, 0)], MISS))
 
     def placed(self, points: Array) -> Array:
         """Return points as they are: the frame is the world's [m]."""
@@ -203,7 +207,7 @@ def center_and_radius(corners: Array) -> tuple[Array, float]:
 def _scene_of(points: Array, mi: ModuleType) -> MitsubaObject:
     mesh = mi.Mesh("body", vertex_count=len(points), face_count=len(points) // 3)
     parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = mi.Float(points.astype(np.float32).ravel())
-    parameters["faces"] = mi.UInt32(np.arange(len(points), dtype=np.uint32))
+    parameters["vertex_positions"] = Device(mi).single(points)
+    parameters["faces"] = Device(mi).index(np.arange(len(points)))
     parameters.update()
     return mi.load_dict({"type": "scene", "body": mesh})

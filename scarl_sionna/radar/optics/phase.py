@@ -95,11 +95,9 @@ def _integrals(on: Device, points: Array, twice_area: Array, wave_vectors: Array
     size = dr.opaque(mi.UInt32, count)
     aspect = lane // size
     triangle = lane - aspect * size
-    corner = [
-        [dr.gather(mi.Float, mi.Float(_single(points[:, i, axis])), triangle) for axis in range(3)] for i in range(3)
-    ]
-    q = [dr.gather(mi.Float, mi.Float(_single(wave_vectors[:, axis])), aspect) for axis in range(3)]
-    area = dr.gather(mi.Float, mi.Float(_single(twice_area)), triangle)
+    corner = [[dr.gather(mi.Float, on.single(points[:, i, axis]), triangle) for axis in range(3)] for i in range(3)]
+    q = [dr.gather(mi.Float, on.single(wave_vectors[:, axis]), aspect) for axis in range(3)]
+    area = dr.gather(mi.Float, on.single(twice_area), triangle)
     phase = [sum((q[axis] * one[axis] for axis in range(3)), start=mi.Float(0.0)) for one in corner]
     mean = (phase[0] + phase[1] + phase[2]) / 3.0
     a, b, c = (one - mean for one in phase)
@@ -108,10 +106,6 @@ def _integrals(on: Device, points: Array, twice_area: Array, wave_vectors: Array
     real, imaginary = area * (re * cosine - im * sine), area * (re * sine + im * cosine)
     found = np.stack([real.numpy(), imaginary.numpy()], axis=-1)
     return found.reshape(num_aspects, count, 2).view(np.complex64)[..., 0]
-
-
-def _single(values: Array) -> npt.NDArray[np.float32]:
-    return np.ascontiguousarray(values, dtype=np.float32)
 
 
 def spherical_wave_integral(

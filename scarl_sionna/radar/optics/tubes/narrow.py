@@ -105,7 +105,7 @@ class NarrowBodies:
         centers, radii, widths = on.reals(tree.center), on.reals(tree.radius), on.reals(tree.width)
         behind = on.index(tree.behind)
         count = dr.opaque(mi.UInt32, len(tree.behind))
-        limit = on.Real(np.ascontiguousarray(wide))
+        limit = on.reals(wide)
 
         def step(number: DeviceArray, found: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
             radius, beyond = dr.gather(on.Real, radii, number), dr.gather(mi.UInt32, behind, number)

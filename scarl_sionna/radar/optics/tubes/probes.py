@@ -92,7 +92,7 @@ class Probe:
             tube = rays.index(np.repeat(np.arange(len(corners), dtype=np.uint32), count))
             shift = dr.gather(mi.Int32, rays.label(first - begin), tube)
             node = mi.UInt32(mi.Int32(dr.arange(mi.UInt32, dr.width(tube))) + shift)
-            weights, flat = rays.Fine(WEIGHTS.ravel()), rays.Fine(rays.placed(inset(corners)).ravel())
+            weights, flat = rays.fine(WEIGHTS), rays.fine(rays.placed(inset(corners)))
             point = rays.FinePoint(0.0)
             for corner in range(3):
                 part = dr.gather(rays.Fine, weights, 3 * node + corner)
