@@ -163,6 +163,23 @@ def test_a_plan_by_hand_counts_pairs_of_ways_over_mirrors(state) -> None:
     )  # straight, over the ground once and both ways
 
 
+def test_no_work_is_refused_for_a_bound(state) -> None:
+    """What one way costs at most is within a budget that three ways at most are not: they are sampled first."""
+    share = Share("sbr", ("kerb",), SbrSettings(max_depth=1), through_mirrors=True)
+    plan = ChannelPlan((share,), ("ground",), echoes=False)
+
+    def estimate(**fields) -> dict[str, float]:
+        return solve_paths(state, RADAR, POSE, "hybrid", plan=plan, **fields).diagnostics["estimate"]
+
+    most = estimate(**UNLIMITED)
+    ways = SolveCost(tubes=most["tubes"] / 3.0, patches=most["patches"] / 3.0)
+    assert most["sampled"] == 0
+    budget = ways.times(2.0).cpu_seconds
+    assert ways.cpu_seconds < budget < most["cpu_seconds"]
+    found = estimate(cpu_budget=budget, memory_budget=None)
+    assert found["sampled"] == SAMPLES and found["cpu_seconds"] <= budget
+
+
 def test_a_plan_by_hand_is_made_coarser_too(state) -> None:
     number = next(number for number, info in state.world.instances.items() if info.name == "kerb")
     stations = sbr_solve.stations_of(RADAR, state.as_mount(POSE))

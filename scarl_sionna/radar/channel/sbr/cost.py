@@ -129,8 +129,8 @@ class Work:
     stations: tuple[Viewpoint, Viewpoint]
     times: float = 1.0
 
-    def cost(self, knobs: SbrSettings, accuracy: Accuracy) -> SolveCost:
-        """Return what it is expected to cost with some knobs of `sbr`."""
+    def cost(self, knobs: SbrSettings, accuracy: Accuracy | None = None) -> SolveCost:
+        """Return what it is expected to cost with some knobs of `sbr`; without budgets a sample is always taken."""
         return solve_cost(with_knobs(self.bodies, knobs), self.stations, accuracy).times(self.times)
 
 
@@ -227,10 +227,12 @@ def check_memory(bodies: Bodies, num_rows: int) -> None:
 
 def _cost(work: Sequence[Work], knobs: Sequence[SbrSettings], accuracy: Accuracy) -> SolveCost:
     found = [one.cost(own, accuracy) for one, own in zip(work, knobs, strict=True)]
-    total = SolveCost()
-    for cost in found:
-        total += cost
-    return total
+    total = sum(found, SolveCost())
+    if total.within(accuracy) or all(cost.sampled for cost in found):
+        return total
+    # bounds that are within a budget one by one are not so together: nothing is refused for a bound
+    known = [cost if cost.sampled else one.cost(own) for one, own, cost in zip(work, knobs, found, strict=True)]
+    return sum(known, SolveCost())
 
 
 def _budgets(accuracy: Accuracy) -> str:
