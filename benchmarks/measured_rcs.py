@@ -1,14 +1,14 @@
-"""RCS of people, cyclists, cars and lorries over aspect and gait, beside what was measured at 76 to 81 GHz.
+"""RCS of every body over aspect, of people over their gait too, beside what was measured at 76 to 81 GHz.
 
-python benchmarks/measured_rcs.py measure [--only adult_man ...]   writes docs/figures/data/measured_rcs.json, 16 min
+python benchmarks/measured_rcs.py measure [--only adult_man ...]   writes docs/figures/data/measured_rcs.json, 30 min
 python benchmarks/measured_rcs.py table                            the tables of docs/actors.md
 python benchmarks/measured_rcs.py figures                          docs/figures/rcs_people.webp, rcs_road_users.webp
 
 People are looked at as in the JRC's measurement: 3.4 m away, the antenna 0.8 m high, VV, mean over azimuth and band, by
 `sbr` in an empty world. Each has 16 looks, one in each equal sector of azimuth, at directions of its own, so that the
 mean of a group does not hang on the same few: the 32 stand in 8 and walk in 8, at the light level; four models stand in
-16, in detail and light. The bicycle at 10 m over 36 azimuths, vehicles in the far field (`ss.rcs`) from slightly below
-the middle over 72.
+16, in detail and light, and so do others on foot, light. Two-wheelers at 10 m over 36 azimuths, vehicles in the far
+field (`ss.rcs`) from slightly below the middle, the saloon in detail over 72, others light over 36.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ import numpy.typing as npt
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import scarl_sionna as ss
+from benchmarks.actor_rcs import SETTINGS as FAR_SETTINGS
+from benchmarks.actor_rcs import VEHICLES
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -62,8 +64,9 @@ LOOKS = 16
 CYCLE = (0.0, 0.25, 0.5, 0.75)
 """Times in the gait, in parts of the two steps that it repeats after."""
 PEOPLE = ("adult_man", "adult_woman", "standing_adult", "child")
+ON_FOOT = ("standing_child", "sitting_man", "waving_woman", "wheelchair", "pram", "dog")
+TWO_WHEELERS = ("bicycle", "cargo_bike", "scooter", "motorcycle")
 AGES = person_ages()
-FAR_SETTINGS = SbrSettings(ray_spacing=16.0, edge_spacing=8.0, bisections=5)
 
 
 def azimuths(count: int, seed: int = 77) -> npt.NDArray[np.float64]:
@@ -138,6 +141,13 @@ def of_all_ages(model: str, folder: Path) -> list[Any]:
     return rows
 
 
+def on_foot(model: str, folder: Path) -> list[Any]:
+    """Return the run of another body that moves on foot or is pushed, light, at rest."""
+    phi, start = azimuths(LOOKS, 300 + ON_FOOT.index(model)), time.process_time()
+    level = seen(alone(model, "light", StaticTrajectory(Pose()), folder), 0.0, "sbr", 3.4, 0.8, phi)
+    return [row(model, "light", "sbr", -1.0, phi, level, time.process_time() - start)]
+
+
 def cyclist(model: str, folder: Path) -> list[Any]:
     """Return the runs of a two-wheeler with its rider, 10 m away."""
     phi, rows = azimuths(36), []
@@ -150,9 +160,9 @@ def cyclist(model: str, folder: Path) -> list[Any]:
 
 def vehicle(model: str) -> list[Any]:
     """Return the far field of a vehicle, VV."""
-    detail = "detailed" if model == "saloon" else "light"
+    detail, count = ("detailed", 72) if model == "saloon" else ("light", 36)
     actor = ss.StagedActor("it", model, StaticTrajectory(Pose()), detail=detail)
-    body, phi = load_body(actor_parts(ss.stage("highway_guardrail", [actor]), "it")), azimuths(72)
+    body, phi = load_body(actor_parts(ss.stage("highway_guardrail", [actor]), "it")), azimuths(count)
     start = time.process_time()
     s = scattering_matrix(body, 77e9, np.radians(90.6), phi, settings=FAR_SETTINGS)
     level = power_to_db(4.0 * np.pi * np.abs(s[:, 0, 0]) ** 2)
@@ -163,13 +173,10 @@ def measure(only: list[str]) -> None:
     """Run what is asked for, and write it into the file beside what is there."""
     rows = json.loads(DATA.read_text(encoding="utf-8")) if DATA.exists() else []
     with tempfile.TemporaryDirectory() as folder:
-        for model in only or [*PEOPLE, *AGES, "bicycle", "saloon", "lorry"]:
-            if model in PEOPLE:
-                new = people(model, Path(folder))
-            elif model in AGES:
-                new = of_all_ages(model, Path(folder))
-            else:
-                new = cyclist(model, Path(folder)) if model == "bicycle" else vehicle(model)
+        for model in only or [*PEOPLE, *AGES, *ON_FOOT, *TWO_WHEELERS, *VEHICLES]:
+            kinds = {PEOPLE: people, tuple(AGES): of_all_ages, ON_FOOT: on_foot, TWO_WHEELERS: cyclist}
+            run = next((function for names, function in kinds.items() if model in names), None)
+            new = run(model, Path(folder)) if run else vehicle(model)
             rows = [one for one in rows if one["model"] != model] + new
             DATA.write_text("[\n" + ",\n".join(json.dumps(one) for one in rows) + "\n]\n", encoding="utf-8")
             for one in new:

@@ -2,8 +2,8 @@
 
 python benchmarks/validation/people.py
 
-People and the bicycle are those of `benchmarks/measured_rcs.py`, whose results are read from its file (the command that
-makes them: `python benchmarks/measured_rcs.py measure`); the motorcycle and cross-polar levels are computed here.
+People and two-wheelers are those of `benchmarks/measured_rcs.py`, whose results are read from its file (the command
+that makes them: `python benchmarks/measured_rcs.py measure`); who walks and cross-polar levels are computed here.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.measured_rcs import BAND, BELGIOVANE, DATA, JRC, MEASURED, SCHUBERT, SPEED, alone, azimuths, seen
+from benchmarks.measured_rcs import BAND, BELGIOVANE, DATA, JRC, MEASURED, SCHUBERT, SPEED, alone
 from benchmarks.validation.rows import ASSUMED_DB, Row, around, run
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sbr import SbrSettings
@@ -32,7 +32,7 @@ from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.scene.materials.dielectrics import CELSIUS, water_permittivity
 from scarl_sionna.scene.materials.fresnel import power_reflectance
 from scarl_sionna.scene.materials.table import builtin_materials
-from scarl_sionna.scene.motion.trajectory import StaticTrajectory, WaypointTrajectory
+from scarl_sionna.scene.motion.trajectory import WaypointTrajectory
 
 Array = npt.NDArray[np.float64]
 HUMAN_XPR = -19.81
@@ -153,7 +153,7 @@ def walker(folder: Path, times: int = 16) -> list[Row]:
     ]  # fmt: skip # a table
 
 
-def cycles(folder: Path) -> list[Row]:
+def cycles() -> list[Row]:
     """Return the rows of bicycle and motorcycle with their riders."""
     bicycle = run_of("bicycle", "light")
     ours = by_sector(bicycle["azimuth_deg"], bicycle["rcs_dbsm"])
@@ -178,9 +178,9 @@ def cycles(folder: Path) -> list[Row]:
         Row("bicycle_behind", "mean RCS of a bicycle with rider within 30 deg of its rear, 10 m", "acea", "dBsm", *REAR,
             "stated", "held out", behind, "corridor of a test target, made after real bicyclists; light geometry")
     )  # fmt: skip # a table
-    phi = azimuths(36)
-    level = seen(alone("motorcycle", "light", StaticTrajectory(Pose()), folder), 0.0, "sbr", 10.0, 0.8, phi)
-    ours, geary = by_sector(np.degrees(phi), level), by_sector(*table("motorbike_geary_dBsm"))
+    motorcycle = run_of("motorcycle", "light")
+    ours = by_sector(motorcycle["azimuth_deg"], motorcycle["rcs_dbsm"])
+    geary = by_sector(*table("motorbike_geary_dBsm"))
     for name in SECTORS:
         rows.append(
             Row(f"motorcycle_{name.split()[0]}", f"mean RCS of a motorcycle with rider, {name}, 10 m", "geary", "dBsm",
@@ -209,8 +209,8 @@ def skin() -> Row:
 def rows() -> list[Row]:
     """Return all rows of the theme."""
     with tempfile.TemporaryDirectory() as folder:
-        riders, walks = cycles(Path(folder) / "cycles"), walker(Path(folder) / "walk")
-    return [*adults(), *walks, *riders, skin()]
+        walks = walker(Path(folder))
+    return [*adults(), *walks, *cycles(), skin()]
 
 
 if __name__ == "__main__":

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..geometry.mesh import Mesh, box, merge, outward, revolve
 from . import lorry, lorry_cab
-from .load_box import load_box
+from .load_box import body, load_box
 from .lorry_cab import both
 from .number_plates import NumberPlates
-from .vehicle_parts import bar, prism
+from .vehicle_parts import bar, cross_bar, prism, skewed, tray
 from .wheels import wheel_parts
 
 Parts = dict[str, tuple[Mesh, str]]
@@ -63,7 +63,7 @@ def wheels(light: bool) -> Parts:
 def _chassis(fine: bool) -> Mesh:
     """Return the tractor's frame, axles, fifth wheel and batteries."""
     rear, front = 2.35, 7.9
-    parts = [both(box((front - rear, 0.08, 0.24), (0.5 * (front + rear), 0.40, 0.93)))]
+    parts = [both(skewed(box((front - rear, 0.08, 0.24), (0.5 * (front + rear), 0.40, 0.93))))]
     plate = prism(((3.25, 1.06), (4.15, 1.06), (4.15, 1.12), (3.75, 1.16), (3.25, 1.12)), -0.45, 0.45)
     parts += [plate, box((1.3, 0.85, 0.55), (3.5 + SHIFT, 0.0, 0.80))]
     if not fine:
@@ -73,27 +73,27 @@ def _chassis(fine: bool) -> Mesh:
     ball = np.array([(0.0, -0.24), (0.17, -0.20), (0.24, 0.0), (0.17, 0.20), (0.0, 0.24)])
     parts.append(outward(revolve(ball, 10, "y")).moved((DRIVE_AXLE, 0.0, 0.55)))
     parts.append(bar((DRIVE_AXLE, 0.0, 0.60), (6.2, 0.0, 0.80), 0.06, 8))
-    parts.append(box((1.2, 0.50, 0.50), (4.95, 0.92, 0.72)))
+    parts.append(tray((1.2, 0.50, 0.50), (4.95, 0.92, 0.72), 0.1))
     return merge(parts)
 
 
 def _trailer_frame(fine: bool) -> Mesh:
     """Return the trailer's beams, axles, under-run bars, side guards and landing legs."""
     (rear, front), (floor, _) = BOX
-    bumper = box((0.09, 2.34, 0.13), (rear + 0.14, 0.0, 0.50))
+    bumper = bar((rear + 0.14, -1.17, 0.50), (rear + 0.14, 1.17, 0.50), 0.065, 12)
     guard = (-1.7, 2.0)
     length, middle = guard[1] - guard[0], 0.5 * (guard[0] + guard[1])
     if not fine:
-        beams = both(box((front - rear - 0.3, 0.08, 0.20), (0.5 * (front + rear), 0.45, floor - 0.10)))
-        return merge([beams, bumper, both(box((length, 0.03, 0.43), (middle, 1.22, 0.70)))])
+        beams = both(skewed(box((front - rear - 0.3, 0.08, 0.20), (0.5 * (front + rear), 0.45, floor - 0.10))))
+        return merge([beams, bumper, both(skewed(box((length, 0.03, 0.43), (middle, 1.22, 0.70))))])
     parts = [
-        both(box((8.6, 0.08, 0.34), (rear + 4.4, 0.45, floor - 0.17))),
-        both(box((4.6, 0.08, 0.09), (front - 2.4, 0.45, floor - 0.045))),
-        *(box((0.09, 2.36, 0.09), (x, 0.0, floor - 0.045)) for x in np.arange(rear + 0.3, 2.2, 0.9)),
+        both(skewed(box((8.6, 0.08, 0.34), (rear + 4.4, 0.45, floor - 0.17)))),
+        both(skewed(box((4.6, 0.08, 0.09), (front - 2.4, 0.45, floor - 0.045)))),
+        *(cross_bar(x, 1.18, floor, 0.09, 0.09) for x in np.arange(rear + 0.3, 2.2, 0.9)),
         *(bar((x, -0.95, 0.525), (x, 0.95, 0.525), 0.075, 8) for x in TRAILER_AXLES),
         bumper,
-        both(box((0.10, 0.07, 0.42), (rear + 0.18, 0.45, 0.72))),
-        *(both(box((length, 0.03, 0.11), (middle, 1.22, z))) for z in (0.56, 0.86)),
+        both(bar((rear + 0.18, 0.45, 0.51), (rear + 0.18, 0.45, 0.93), 0.04, 12)),
+        *(both(skewed(box((length, 0.03, 0.11), (middle, 1.22, z)))) for z in (0.56, 0.86)),
         *(both(box((0.05, 0.03, 0.62), (x, 1.19, 0.86))) for x in (-1.5, -0.3, 0.9, 1.9)),
         both(bar((2.25, 0.62, 1.10), (2.25, 0.62, 0.42), 0.055, 8)),
         both(box((0.22, 0.22, 0.03), (2.25, 0.62, 0.405))),
@@ -106,7 +106,7 @@ def _trailer_frame(fine: bool) -> Mesh:
 def build(fine: bool = True) -> Parts:
     """Return the parts of tractor and trailer, in line: name -> (mesh, role)."""
     cab, floor = lorry_cab.build(fine, HEIGHT - 0.08, SHIFT)
-    (rear, front), (low, high) = BOX
+    rear = BOX[0][0]
     panels, frame, marking = load_box(*BOX, WIDTH)
     ahead, behind = (_plates(sign, fine) for sign in (1.0, -1.0))
     parts: Parts = {
@@ -118,9 +118,8 @@ def build(fine: bool = True) -> Parts:
         **wheels(not fine),
     }
     if not fine:
-        whole = box((front - rear, WIDTH, high - low), (0.5 * (front + rear), 0.0, 0.5 * (low + high)))
         return parts | {
-            "load_box": (whole, "box_panel"),
+            "load_box": (body(*BOX, WIDTH), "box_panel"),
             "chassis": (merge([floor, _chassis(False)]), "chassis"),
             "trailer_frame": (_trailer_frame(False), "chassis"),
         }

@@ -8,11 +8,10 @@ import numpy as np
 
 from ..geometry.decal import strips
 from ..geometry.mesh import Mesh, box, merge
-from . import van
+from . import load_box, van
 from .body_loft import loft
-from .load_box import load_box
 from .number_plates import NumberPlates
-from .vehicle_parts import bar, car_underbody, prism
+from .vehicle_parts import bar, car_underbody, cross_bar, deflector, prism, skewed
 from .wheels import WheelShape, wheel_parts
 
 LENGTH, WIDTH, HEIGHT = 6.60, 2.16, 3.05
@@ -41,16 +40,27 @@ def _both(part: Mesh) -> Mesh:
     return merge([part, part.mirrored_y()])
 
 
+def _rails() -> Mesh:
+    """Return both rails of the ladder frame."""
+    (rear, front), (floor, _) = BOX
+    return _both(skewed(box((front - rear + 0.3, 0.07, 0.20), (0.5 * (front + rear) + 0.1, 0.42, floor - 0.18))))
+
+
+def _under_run() -> Mesh:
+    """Return the bar below the rear doors: round, since a flat one makes corners with the wheels before it."""
+    x, half = BOX[0][0] + 0.1, WIDTH / 2 - 0.1
+    return bar((x, -half, 0.46), (x, half, 0.46), 0.055, 12)
+
+
 def _frame() -> Mesh:
     """Return the ladder frame behind the cab with its cross members, and the bar below the rear doors."""
     (rear, front), (floor, _) = BOX
-    length = front - rear + 0.3
-    parts = [_both(box((length, 0.07, 0.20), (0.5 * (front + rear) + 0.1, 0.42, floor - 0.18)))]
-    parts += [box((0.07, WIDTH - 0.16, 0.07), (x, 0.0, floor - 0.04)) for x in np.arange(rear + 0.2, front, 0.7)]
+    parts = [_rails()]
+    parts += [cross_bar(x, WIDTH / 2 - 0.08, floor - 0.005, 0.07, 0.07) for x in np.arange(rear + 0.2, front, 0.7)]
     parts += [bar((REAR_AXLE, -0.75, 0.345), (REAR_AXLE, 0.75, 0.345), 0.05, 8)]
     parts += [
-        box((0.07, WIDTH - 0.2, 0.11), (rear + 0.1, 0.0, 0.46)),
-        _both(box((0.06, 0.06, 0.3), (rear + 0.12, 0.5, 0.6))),
+        _under_run(),
+        _both(bar((rear + 0.12, 0.5, 0.45), (rear + 0.12, 0.5, 0.75), 0.03, 12)),
     ]
     return merge(parts)
 
@@ -58,7 +68,7 @@ def _frame() -> Mesh:
 def _deflector() -> Mesh:
     """Return the wedge over the cab that reaches up to the box."""
     x = BOX[0][1]
-    return prism(((x, 2.26), (x + 0.78, 2.29), (x + 0.70, 2.42), (x + 0.42, 2.72), (x, 2.94)), -0.86, 0.86)
+    return deflector(((x, 2.26), (x + 0.78, 2.29), (x + 0.70, 2.42), (x + 0.42, 2.72), (x, 2.94)), 0.86)
 
 
 def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
@@ -69,8 +79,8 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     def ahead(mesh: Mesh) -> Mesh:
         return mesh.moved((SHIFT, 0.0, 0.0))
 
-    panels, frame, marking = load_box(*BOX, WIDTH)
-    (rear, front), (low, high) = BOX
+    panels, frame, marking = load_box.load_box(*BOX, WIDTH)
+    rear, low = BOX[0][0], BOX[1][0]
     tail = _both(box((0.05, 0.26, 0.11), (rear + 0.03, 0.82, 0.72)))
     parts: dict[str, tuple[Mesh, str]] = {
         "cab": (merge([ahead(van.opened(painted) if fine else painted), _deflector()]), "paint"),
@@ -81,12 +91,9 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
         **NumberPlates(LENGTH / 2, 0.45, 0.60, 0.06, 11).parts(fine),
     }
     if not fine:
-        whole = box((front - rear, WIDTH, high - low), (0.5 * (front + rear), 0.0, 0.5 * (low + high)))
-        rails = _both(box((front - rear + 0.3, 0.07, 0.20), (0.5 * (front + rear) + 0.1, 0.42, low - 0.18)))
-        bumper = box((0.07, WIDTH - 0.2, 0.11), (rear + 0.1, 0.0, 0.46))
         return parts | {
-            "load_box": (whole, "box_panel"),
-            "chassis": (merge([ahead(floor), rails, bumper]), "chassis"),
+            "load_box": (load_box.body(*BOX, WIDTH), "box_panel"),
+            "chassis": (merge([ahead(floor), _rails(), _under_run()]), "chassis"),
             **wheel_parts(WHEELS, van.WHEEL, REAR_WHEEL, OUTER, True),
         }
     mirrors, mirror_glass = van.mirrors()

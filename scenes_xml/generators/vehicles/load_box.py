@@ -4,12 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.mesh import Mesh, box, merge
-from .vehicle_parts import bar
+from ..geometry.mesh import Mesh, box, extrude, merge
+from .vehicle_parts import bar, skewed
 
 Span = tuple[float, float]
 HINGES = (0.34, 1.04, 1.74, 2.34)
 """Of the doors, over the lower edge [m]."""
+CORNER = 0.08
+"""Of the rounded front corners [m]."""
+
+
+def _round(front: float, half: float) -> list[tuple[float, float]]:
+    """Return x and y of the round corner on the left, in steps of 30 deg."""
+    turn = CORNER / (1.0 + np.tan(np.radians(30.0)))
+    back = front - CORNER, half - CORNER
+    return [(front, back[1]), (back[0] + turn, back[1] + turn), (back[0], half)]
+
+
+def body(x: Span, z: Span, width: float) -> Mesh:
+    """Return the closed box from and to `x` and `z` [m]; its upright corners at the front are round."""
+    left = [*_round(x[1], width / 2), (x[0], width / 2)]
+    return extrude(np.array([*left, *((a, -b) for a, b in left[::-1])]), *z)
 
 
 def load_box(x: Span, z: Span, width: float) -> tuple[Mesh, Mesh, Mesh]:
@@ -20,18 +35,17 @@ def load_box(x: Span, z: Span, width: float) -> tuple[Mesh, Mesh, Mesh]:
     (x0, x1), (z0, z1) = x, z
     length, height, half = x1 - x0, z1 - z0, width / 2
     middle = (0.5 * (x0 + x1), 0.0, 0.5 * (z0 + z1))
-    panels = box((length - 0.02, width - 0.04, height - 0.03), (middle[0], 0.0, middle[2]))
+    panels = body((x0 + 0.01, x1 - 0.01), (z0 + 0.015, z1 - 0.015), width - 0.04)
     rail = 0.09
     frame = [
-        box((rail, rail, height - 0.004), (at, y, middle[2]))
-        for at in (x0 + rail / 2, x1 - rail / 2)
-        for y in (half - rail / 2, -half + rail / 2)
+        box((rail, rail, height - 0.004), (x0 + rail / 2, y, middle[2])) for y in (half - rail / 2, -half + rail / 2)
     ]
-    frame += [
-        box((length - 2 * rail, 0.07, 0.12), (middle[0], y, up))
-        for y in (half - 0.038, -half + 0.038)
-        for up in (z0 + 0.062, z1 - 0.062)
-    ]
+    corner = [*_round(x1, half), (x1 - rail, half), (x1 - rail, half - rail), (x1, half - rail)]
+    post = extrude(np.array(corner), z0 + 0.002, z1 - 0.002)
+    frame += [post, post.mirrored_y()]
+    for up in (z0 + 0.062, z1 - 0.062):
+        edge = skewed(box((length - 2 * rail, 0.07, 0.12), (middle[0], half - 0.038, up)), 0.0)
+        frame += [edge, edge.mirrored_y()]
     frame += [
         box((0.07, width - 2 * rail, 0.12), (at, 0.0, up))
         for at in (x0 + 0.038, x1 - 0.038)

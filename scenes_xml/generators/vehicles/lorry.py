@@ -8,10 +8,10 @@ import numpy as np
 
 from ..geometry.mesh import Mesh, box, grid, merge, outward, revolve
 from . import lorry_cab
-from .load_box import load_box
+from .load_box import body, load_box
 from .lorry_cab import FRONT_AXLE, both
 from .number_plates import NumberPlates
-from .vehicle_parts import bar, prism
+from .vehicle_parts import bar, cross_bar, prism, skewed, tray
 from .wheels import WheelShape, wheel_parts
 
 LENGTH, WIDTH, HEIGHT = 9.60, 2.55, 3.75
@@ -50,11 +50,21 @@ def tread(x: float, radius: float, start: float, stop: float) -> Mesh:
     return both(shell)
 
 
+def _rails() -> Mesh:
+    """Return both rails of the ladder frame."""
+    return both(skewed(box((8.9, 0.08, 0.26), (0.02, 0.40, 0.965))))
+
+
+def _under_run() -> Mesh:
+    """Return the under-run bar at the rear: round, since a flat one makes corners with the wheels before it."""
+    return bar((-4.66, -1.17, 0.50), (-4.66, 1.17, 0.50), 0.065, 12)
+
+
 def _chassis() -> Mesh:
     """Return the ladder frame, axles, drive shaft, air tanks, battery box and under-run bars."""
-    parts = [both(box((8.9, 0.08, 0.26), (0.02, 0.40, 0.965)))]
+    parts = [_rails()]
     parts += [box((0.10, 0.74, 0.18), (x, 0.0, 0.965)) for x in (-4.3, -3.6, -2.28, -0.8, 0.6, 2.0, 3.0)]
-    parts += [box((0.09, 2.30, 0.09), (x, 0.0, 1.11)) for x in np.arange(-4.4, 2.3, 0.62)]
+    parts += [cross_bar(x, 1.15, 1.155, 0.09, 0.09) for x in np.arange(-4.4, 2.3, 0.62)]
     ball = np.array([(0.0, -0.24), (0.17, -0.20), (0.24, 0.0), (0.17, 0.20), (0.0, 0.24)])
     for x in (FRONT_AXLE, *REAR_AXLES):
         parts.append(bar((x, -1.0, 0.525), (x, 1.0, 0.525), 0.085, 10))
@@ -63,13 +73,13 @@ def _chassis() -> Mesh:
     parts.append(box((1.3, 0.85, 0.55), (3.5, 0.0, 0.80)))
     tank = np.array([(0.0, -0.40), (0.11, -0.40), (0.13, -0.36), (0.13, 0.36), (0.11, 0.40), (0.0, 0.40)])
     parts += [outward(revolve(tank, 10, "x")).moved((x, 0.60, 0.74)) for x in (-0.45, 0.45)]
-    parts.append(box((0.62, 0.50, 0.46), (1.55, 0.86, 0.72)))
-    parts.append(box((0.09, 2.34, 0.13), (-4.66, 0.0, 0.50)))
-    parts += [both(box((0.10, 0.07, 0.42), (-4.62, 0.40, 0.72)))]
+    parts.append(tray((0.62, 0.50, 0.46), (1.55, 0.86, 0.72), 0.1))
+    parts.append(_under_run())
+    parts += [both(bar((-4.62, 0.40, 0.51), (-4.62, 0.40, 0.93), 0.04, 12))]
     parts.append(box((0.05, 2.40, 0.16), (-4.72, 0.0, 1.02)))
     for z in (0.52, 0.84):
-        parts.append(both(box((2.42, 0.03, 0.11), (0.45, 1.22, z))))
-        parts.append(both(box((0.86, 0.03, 0.11), (-4.05, 1.22, z))))
+        parts.append(both(skewed(box((2.42, 0.03, 0.11), (0.45, 1.22, z)))))
+        parts.append(both(skewed(box((0.86, 0.03, 0.11), (-4.05, 1.22, z)))))
     parts += [both(box((0.05, 0.03, 0.62), (x, 1.19, 0.83))) for x in (-4.3, -3.8, -0.6, 0.45, 1.5)]
     return merge(parts)
 
@@ -112,16 +122,14 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
         **NumberPlates(LENGTH / 2, 0.80, 0.62, 0.04, 9).parts(fine),
     }
     if not fine:
-        (x0, x1), (z0, z1) = BOX
-        whole = box((x1 - x0, WIDTH, z1 - z0), (0.5 * (x0 + x1), 0.0, 0.5 * (z0 + z1)))
         rails = [
-            both(box((8.9, 0.08, 0.26), (0.02, 0.40, 0.965))),
-            box((0.09, 2.34, 0.13), (-4.66, 0.0, 0.50)),
+            _rails(),
+            _under_run(),
             box((1.3, 0.85, 0.55), (3.5, 0.0, 0.80)),
-            both(box((2.42, 0.03, 0.43), (0.45, 1.22, 0.68))),
+            both(skewed(box((2.42, 0.03, 0.43), (0.45, 1.22, 0.68)))),
         ]
         return parts | {
-            "load_box": (whole, "box_panel"),
+            "load_box": (body(*BOX, WIDTH), "box_panel"),
             "chassis": (merge([floor, *rails]), "chassis"),
             **wheels(True),
         }

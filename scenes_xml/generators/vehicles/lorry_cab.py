@@ -17,7 +17,7 @@ from ..geometry.mesh import Mesh, box, merge, outward, revolve
 from .body_loft import BodyShape, loft, side_panel
 from .cars.interior import Seat
 from .driving_place import Parts, driving_place
-from .vehicle_parts import bar, prism
+from .vehicle_parts import bar, deflector, prism
 
 FRONT_AXLE, NOSE = 3.42, 4.80
 """x of the axle and of the foremost point [m]."""
@@ -63,7 +63,7 @@ def _deflector(top: float) -> Mesh:
     rise = (top - 2.96) / 0.70
     outline = [(2.72, 2.96), (4.22, 2.96)]
     outline += [(x, 2.96 + rise * z) for x, z in ((4.16, 0.12), (3.75, 0.40), (3.25, 0.62), (2.72, 0.70))]
-    return prism(outline, -0.98, 0.98)
+    return deflector(outline, 0.98)
 
 
 def _glass(body: Mesh, fine: bool) -> Mesh:
@@ -104,7 +104,7 @@ def _mirrors() -> tuple[Mesh, Mesh]:
     profile = np.array([(0.0, -0.42), (0.10, -0.42), (0.13, -0.34), (0.13, 0.34), (0.10, 0.42), (0.0, 0.42)])
     housing = outward(revolve(profile, 10, "z")).moved((4.46, 1.42, 2.12))
     left = merge([housing, *(bar((4.42, 1.16, z), (4.46, 1.40, z), 0.025) for z in (1.86, 2.44))])
-    glass = [box((0.01, 0.19, size), (4.334, 1.42, z)) for size, z in ((0.42, 2.22), (0.22, 1.85))]
+    glass = [box((0.01, 0.19, size)).moved((4.334, 1.42, z), yaw=0.17) for size, z in ((0.42, 2.22), (0.22, 1.85))]
     return both(left), both(merge(glass))
 
 

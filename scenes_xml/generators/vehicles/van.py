@@ -37,6 +37,8 @@ LIGHT = (2.1, 1.95, 1.12, 0.75)
 """Stations of the light level."""
 WINDSCREEN = ((-0.80, 1.33), (0.80, 1.33), (0.70, 2.28), (-0.70, 2.28))
 DOOR_WINDOW = ((0.62, 1.32), (1.66, 1.36), (1.10, 2.06), (0.62, 2.06))
+TURN = 0.17
+"""Of mirrors towards the driver [rad]."""
 FRONT, REAR = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
 
 
@@ -157,7 +159,7 @@ def mirrors() -> tuple[Mesh, Mesh]:
     housing = outward(revolve(profile, 10, "z")).moved((1.50, 1.15, 1.42))
     arms = [bar((1.52, 0.92, z), (1.52, 1.10, z), 0.022) for z in (1.30, 1.52)]
     left = merge([housing, *arms])
-    glass = box((0.01, 0.16, 0.32), (1.408, 1.15, 1.42))
+    glass = box((0.01, 0.16, 0.32)).moved((1.408, 1.15, 1.42), yaw=TURN)
     return merge([left, left.mirrored_y()]), merge([glass, glass.mirrored_y()])
 
 

@@ -10,6 +10,12 @@ import numpy as np
 from ..geometry.mesh import Array, Mesh, box, merge, outward, revolve, tube
 
 Point = tuple[float, float, float]
+TOE, LEAN = 0.012, 0.04
+"""Slopes of frames and side guards along a vehicle, in plan and upright.
+
+Frames narrow to the rear, and what is welded or hung on is some 0.5 deg off its right angle (ISO 13920, class B); faces
+that meet at 90.0 deg would send every wave back.
+"""
 
 
 def one_side(mesh: Mesh, side: float) -> Mesh:
@@ -49,11 +55,35 @@ def prism(outline: Sequence[tuple[float, float]], low: float, high: float) -> Me
     return outward(merge(parts))
 
 
-def tray(size: Sequence[float], centre: Sequence[float]) -> Mesh:
-    """Return a box [m] whose sides lean in downwards by 45 deg, as those of pressed sheets do."""
+def skewed(part: Mesh, toe: float = TOE, lean: float = LEAN) -> Mesh:
+    """Return a part on the left that is wider at the front by the slope `toe`, and leans in upwards by `lean`.
+
+    Slopes are those of what runs along x; faces across stay where they are.
+    """
+    off = part.vertices - 0.5 * (part.vertices.min(0) + part.vertices.max(0))
+    aside = toe * off[:, 0] - lean * off[:, 2]
+    return replace(part, vertices=part.vertices + aside[:, None] * [0.0, 1.0, 0.0])
+
+
+def deflector(outline: Sequence[tuple[float, float]], half: float) -> Mesh:
+    """Return the wedge over a cab: the prism of an x-z outline [m], narrower upwards and to the front."""
+    wedge = prism(outline, -half, half)
+    off = wedge.vertices - wedge.vertices.min(0)
+    share = 1.0 - 0.10 * (off[:, 0] + off[:, 2]) / half
+    return replace(wedge, vertices=wedge.vertices * np.column_stack([np.ones(len(off)), share, np.ones(len(off))]))
+
+
+def cross_bar(x: float, half: float, top: float, height: float, width: float) -> Mesh:
+    """Return a bar across a vehicle below a floor at `top` [m]: a hat profile, narrower below by a third."""
+    low = top - height
+    return prism(((x - width / 2, top), (x + width / 2, top), (x + width / 3, low), (x - width / 3, low)), -half, half)
+
+
+def tray(size: Sequence[float], centre: Sequence[float], slope: float = 1.0) -> Mesh:
+    """Return a box [m] whose sides lean in downwards, by 45 deg as those of pressed sheets do, or by a `slope`."""
     whole = box(size, centre)
     low = whole.vertices[:, 2] < centre[2]
-    inset = np.where(low[:, None], np.sign(whole.vertices - centre) * [1.0, 1.0, 0.0] * size[2], 0.0)
+    inset = np.where(low[:, None], np.sign(whole.vertices - centre) * [1.0, 1.0, 0.0] * slope * size[2], 0.0)
     return replace(whole, vertices=whole.vertices - inset)
 
 

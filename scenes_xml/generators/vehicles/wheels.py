@@ -9,6 +9,9 @@ import numpy as np
 
 from ..geometry.mesh import Array, Mesh, merge, outward, revolve
 
+DISH = 0.12
+"""Slope of the sides of a light wheel."""
+
 
 @dataclass(frozen=True)
 class WheelShape:
@@ -94,11 +97,13 @@ def wheel(shape: WheelShape, x: float, outer: float, left: bool) -> tuple[Mesh, 
 
 
 def light_wheel(shape: WheelShape, x: float, outer: float, left: bool, segments: int = 12) -> Mesh:
-    """Return a wheel (twin: both tyres) as one closed disk."""
+    """Return a wheel (twin: both tyres) as one closed disk, dished on both sides.
+
+    A flat one would make a corner reflector with every face across the vehicle.
+    """
     width = shape.tyre_width + shape.twin
-    profile: Array = np.array(
-        [(0.0, -width / 2), (shape.radius, -width / 2), (shape.radius, width / 2), (0.0, width / 2)]
-    )
+    middle = width / 2 - DISH * shape.radius
+    profile: Array = np.array([(0.0, -middle), (shape.radius, -width / 2), (shape.radius, width / 2), (0.0, middle)])
     y = (outer - width / 2) * (1.0 if left else -1.0)
     return outward(revolve(profile, segments, "y")).moved((x, y, shape.radius))
 
