@@ -20,12 +20,18 @@ def level(number: int, x: tuple[float, float], z: float):
 
 def owner(mirrors, face, hit, aim=None) -> int:
     faces, normal, offset, corners = zip(*mirrors, strict=True)
-    point, empty = np.array([hit]), np.zeros((1, 3))
-    hits = RayHits(
-        np.zeros(1, np.int64), np.ones(1), point, empty, np.ones(1), np.zeros(1, np.int32), empty, np.array([face])
-    )
+    point = np.array([hit], dtype=np.float64)
+    aimed = point if aim is None else np.array([aim])
     known = MirrorFaces(OTHER + 1, faces, np.array(normal), np.array(offset), corners)
-    return int(known.owner(hits, point if aim is None else np.array([aim]))[0])
+    found = int(known.owner(np.array([face]), point, aimed)[0])
+    for number in range(len(mirrors)):
+        assert known.on(np.array([number]), met(np.array([face]), point), aimed)[0] == (number == found)
+    return found
+
+
+def met(face, point) -> RayHits:
+    one, empty = np.ones(len(face)), np.zeros((len(face), 3))
+    return RayHits(np.arange(len(face)), one, point, empty, one, one.astype(np.int32), empty, face)
 
 
 @pytest.mark.parametrize(

@@ -110,12 +110,18 @@ class FaceRays(Device, ABC):
         found = self._scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
         return self._face(found), self.dr.select(found.is_valid(), found.t, 0.0)
 
-    def blocked(self, origin: DeviceArray, direction: DeviceArray, distance: DeviceArray | None = None) -> DeviceArray:
-        """Return whether each ray meets anything, before a distance in the frame of the rays if one is given."""
+    def blocked(
+        self,
+        origin: DeviceArray,
+        direction: DeviceArray,
+        distance: DeviceArray | None = None,
+        active: DeviceArray = True,
+    ) -> DeviceArray:
+        """Return whether each active ray meets anything, before a distance in the frame of the rays if one is given."""
         ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
         if distance is not None:
             ray.maxt = self.mi.Float(distance)
-        return self._scene.ray_test(ray, coherent=False)
+        return self._scene.ray_test(ray, coherent=False, active=active)
 
 
 class StateRays(FaceRays):

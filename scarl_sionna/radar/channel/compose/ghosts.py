@@ -30,13 +30,14 @@ from scarl_sionna.signal.link import spreading
 
 from .budget import BOX_POINTS, box_points
 from .mirror_faces import COINCIDENT, NO_MIRROR, inside
-from .mirror_legs import MirrorView
+from .mirror_legs import Leg, MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches, ways
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
 class Image(NamedTuple):
@@ -112,17 +113,8 @@ def _looking(start: Array, end: Array) -> Array:
 
 def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut: bool) -> RadarPaths:
     """Return the paths as the radar itself sees them, without those that the surroundings hide unless that is done."""
-    state, pose = view.state, view.mount.pose
-    both = images[0].way, images[1].way
-    moving = (found.filled("tx_velocity"), found.filled("rx_velocity"))  # the images of the radar were at rest
-    ends = zip(images, (found.tx_point, found.rx_point), moving, strict=True)
-    legs, visible, station = [], np.ones(found.num_paths, dtype=np.bool_), Viewpoint.of(view.radar, pose, np.zeros(3))
-    for image, points, velocities in ends:
-        rows = np.tile([mirror.number for mirror in image.way], (len(points), 1)).astype(np.int64)
-        legs.append(view.leg(rows, image.pose.rotation, points, velocities))
-        if not cut:
-            visible &= view.shows(rows, points) & station.sees(legs[-1].image)
-    there, back = legs
+    state, pose, both = view.state, view.mount.pose, (images[0].way, images[1].way)
+    there, back, visible = _legs(view, found, images, cut)
     changed: dict[str, Any] = {name: value for name, value in vars(found).items()}
     weight = there.weight * back.weight
     visible &= weight != 0.0
@@ -131,8 +123,8 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut:
         "tx_point": there.image,
         "rx_point": back.image,
         "length_rate": found.length_rate
-        - sum(np.einsum("pi,pi->p", way.direction, way.station_velocity) for way in legs),
-        "length_acceleration": sum(bend_of(way.image - pose.position, way.image_velocity) for way in legs),
+        - sum(np.einsum("pi,pi->p", way.direction, way.station_velocity) for way in (there, back)),
+        "length_acceleration": sum(bend_of(way.image - pose.position, way.image_velocity) for way in (there, back)),
         "instance": _chained(state, both, found.instance, None),
         "interaction": _chained(state, both, found.interaction, SPECULAR),
         "depth": (found.depth + len(both[0]) + len(both[1])).astype(np.int32),
@@ -146,6 +138,36 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut:
     }
     result = RadarPaths(**changed)
     return result if visible.all() else result.select(visible)
+
+
+def _legs(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut: bool) -> tuple[Leg, Leg, Flags]:
+    """Return the ways to the first points of paths, those back from the last ones, and which paths have both open.
+
+    Seen from one image most paths begin and end at the same point: its way is computed once.
+    """
+    ends = found.tx_point, found.rx_point
+    moving = found.filled("tx_velocity"), found.filled("rx_velocity")  # the images of the radar were at rest
+    if images[0] is not images[1]:
+        there, first = _leg(view, images[0], ends[0], moving[0], cut)
+        back, last = _leg(view, images[1], ends[1], moving[1], cut)
+        return there, back, first & last
+    apart = np.flatnonzero((ends[0] != ends[1]).any(axis=1) | (moving[0] != moving[1]).any(axis=1))
+    points, velocities = (np.concatenate([one, other[apart]]) for one, other in (ends, moving))
+    leg, seen = _leg(view, images[0], points, velocities, cut)
+    start = np.arange(found.num_paths)
+    end = start.copy()
+    end[apart] = len(start) + np.arange(len(apart))
+    return leg.take(start), leg.take(end), seen[start] & seen[end]
+
+
+def _leg(view: MirrorView, image: Image, points: Array, velocities: Array, cut: bool) -> tuple[Leg, Flags]:
+    """Return the ways over an image's mirrors to points, and which are open; all if the points are cut already."""
+    ways = np.tile([mirror.number for mirror in image.way], (len(points), 1)).astype(np.int64)
+    leg = view.leg(ways, image.pose.rotation, points, velocities)
+    if cut:
+        return leg, np.ones(len(ways), dtype=np.bool_)
+    station = Viewpoint.of(view.radar, view.mount.pose, np.zeros(3))
+    return leg, view.shows(ways, points) & station.sees(leg.image)
 
 
 def _chained(

@@ -24,6 +24,8 @@ _NEAR = 10.0 * COINCIDENT
 farther from its point."""
 _PAIRS = 1 << 20
 """Points and triangles near to them that are compared in one piece: bounds the memory, changes no result."""
+_COMPARED = 1 << 18
+"""Points and mirrors that are compared in one piece: what the processor's cache holds, changes no result."""
 _MOST_CELLS = 1024
 """Of a grid along each axis: bounds the memory, changes no result."""
 
@@ -66,7 +68,26 @@ class MirrorFaces:
         self._normal, self._offset = normal.reshape(-1, 3), offset
         self._corners = tuple(corners)
 
-    def owner(self, hits: RayHits, aim: Array) -> Index:
+    def on(self, number: Index, hits: RayHits, aim: Array) -> Flags:
+        """Return which hits are on the mirror with a number, shape (num_hits,): those that it owns, see :meth:`owner`.
+
+        Parameters
+        ----------
+        number : ndarray of int64, shape (num_hits,)
+        hits : RayHits
+        aim : ndarray of float64, shape (num_hits, 3)
+            As of :meth:`owner`.
+        """
+        own, limit = self._of_face[hits.face], np.full(len(number), self.thickness)
+        rows = np.flatnonzero(own != NO_MIRROR)
+        limit[rows] = self._height(hits.point[rows], own[rows]) + COINCIDENT
+        found = self._height(hits.point, number) < limit + COINCIDENT  # few are: the others are not compared with all
+        rows = np.flatnonzero(found)
+        for some in np.array_split(rows, 1 + len(rows) * len(self._normal) // _COMPARED):
+            found[some] = self.owner(hits.face[some], hits.point[some], aim[some]) == number[some]
+        return found
+
+    def owner(self, face: Index, point: Array, aim: Array) -> Index:
         """Return the number of the mirror that each hit is on, `NO_MIRROR` where it is on none.
 
         A hit on a mirror's own triangle is on that mirror. One on anything else within `thickness` of mirrors is on the
@@ -75,12 +96,15 @@ class MirrorFaces:
 
         Parameters
         ----------
-        hits : RayHits
+        face : ndarray of int64, shape (num_hits,)
+            Triangles that are met, rows of the state's table.
+        point : ndarray of float64, shape (num_hits, 3)
+            Where [m, world].
         aim : ndarray of float64, shape (num_hits, 3)
             Points in planes of mirrors that the rays of the hits were sent to [m, world].
         """
-        own = self._of_face[hits.face]
-        height = np.abs(hits.point @ self._normal.T - self._offset)
+        own = self._of_face[face]
+        height = np.abs(point @ self._normal.T - self._offset)
         here = np.where(own == NO_MIRROR, self.thickness, 0.0)
         rows = np.flatnonzero(own != NO_MIRROR)
         here[rows] = height[rows, own[rows]] + COINCIDENT
@@ -89,6 +113,10 @@ class MirrorFaces:
         several = np.flatnonzero(may.sum(axis=1) > 1)
         result[several] = self._nearest(aim[several], height[several], may[several], own[several])
         return result
+
+    def _height(self, point: Array, number: Index) -> Array:
+        """Return the distances of points from the planes of mirrors, one mirror each [m]."""
+        return np.asarray(np.abs(np.einsum("ij,ij->i", point, self._normal[number]) - self._offset[number]))
 
     def _nearest(self, aim: Array, height: Array, may: Flags, own: Index) -> Index:
         """Return the first of the nearest mirrors that go on where rays were aimed, of those that may own the hits."""

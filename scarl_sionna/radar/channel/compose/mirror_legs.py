@@ -65,6 +65,10 @@ class Leg:
     image_velocity: Array
     weight: Complex
 
+    def take(self, rows: npt.NDArray[np.int64]) -> Leg:
+        """Return the ways to some of the points."""
+        return Leg(*(column[rows] for column in vars(self).values()))
+
 
 @dataclass(frozen=True, eq=False)
 class MirrorView:
@@ -240,7 +244,7 @@ class MirrorView:
         """
         state, (normals, offsets, _) = self.state, self._planes
         here, seen = np.broadcast_to(self.station.position, points.shape).copy(), right.copy()
-        beside = self.reflections(ways, points) if self.ends is not None and ways.shape[1] == 1 else None
+        tails = self.ends is not None and ways.shape[1] == 1
         for k in range(ways.shape[1] + 1):
             rows = np.flatnonzero(seen)
             if len(rows) == 0:
@@ -254,9 +258,9 @@ class MirrorView:
                 mirror = ways[rows, k]
                 hits = state.cast(here[rows], direction)
                 met = np.zeros(len(rows), dtype=bool)
-                met[hits.ray] = self.faces.owner(hits, end[hits.ray]) == mirror[hits.ray]
-                if beside is not None:
-                    met |= self._beside(beside, rows, met, hits, distance)
+                met[hits.ray] = self.faces.on(mirror[hits.ray], hits, end[hits.ray])
+                if tails:
+                    met |= self._beside(ways[rows], points[rows], met, hits, distance)
                 side = np.sign(_dot(here[rows], normals[mirror]) - offsets[mirror])
                 lift = np.full(len(rows), _LIFT)
                 of_hit = mirror[hits.ray]
@@ -269,16 +273,14 @@ class MirrorView:
             seen[rows] = met & far
         return seen
 
-    def _beside(
-        self, at: Reflections, rows: npt.NDArray[np.int64], met: Flags, hits: RayHits, distance: Array
-    ) -> Flags:
-        """Return which of some rays pass a mirror's end where its reflection goes on, and meet nothing before."""
+    def _beside(self, ways: Ways, points: Array, met: Flags, hits: RayHits, distance: Array) -> Flags:
+        """Return which rays to points pass a mirror's end where its reflection goes on, and meet nothing before."""
         free = ~met & (distance > _LIFT)
         free[hits.ray[hits.distance < distance[hits.ray] - _LIFT]] = False
         some = np.flatnonzero(free)
-        found = np.zeros(len(rows), dtype=np.bool_)
+        found = np.zeros(len(ways), dtype=np.bool_)
         if self.ends is not None and len(some):
-            found[some] = self.ends.goes_on(at.take(rows[some]))
+            found[some] = self.ends.goes_on(self.reflections(ways[some], points[some]))
         return found
 
     def _in_the_way(

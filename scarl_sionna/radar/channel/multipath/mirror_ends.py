@@ -38,7 +38,9 @@ ONE_PLANE = 0.005
 GENTLE = 0.02
 """Surfaces that bend by less than this at an edge go on: facets of 3 m of a wall in a bend of 150 m [rad]."""
 _TOGETHER = 128
-"""Points that are compared with pieces of outlines together: bounds the memory, changes no result."""
+"""Points that are compared with pieces of outlines together, more where these are few."""
+_COMPARED = 1 << 14
+"""Points times pieces that are compared together."""
 IN_ONE_PLANE = 2e-3
 """Mirrors that are this near to the plane of another are in that plane [m]."""
 STEEP = 0.7
@@ -258,18 +260,15 @@ class MirrorEnds:
         """
         found = np.ones(len(at.mirror), dtype=np.complex128)
         for number, rows, some, near in self._pieces_near(at):
-            if near.free.any():
-                found[rows] = self._weight(number, near, some)
+            found[rows] = self._weight(number, near, some)
         return found
 
     def goes_on(self, at: Reflections) -> Flags:
         """Return which of some points beside their mirrors are near to a free edge of them, shape (num_points,)."""
         found = np.zeros(len(at.mirror), dtype=np.bool_)
-        for number, rows, some, pieces in self._pieces_near(at):
-            near = pieces.take(pieces.free & (pieces.owner == number))
-            if len(near.owner):
-                height, distance = edge_distances(*self._seen(number, near, some))
-                found[rows] = ((height < 0.0) & (distance < self.knobs.end_reach)).any(axis=1)
+        for number, rows, some, near in self._pieces_near(at, own=True):
+            height, distance = edge_distances(*self._seen(number, near, some))
+            found[rows] = ((height < 0.0) & (distance < self.knobs.end_reach)).any(axis=1)
         return found
 
     def strips(self, number: int, at: Reflections, together: int = 1) -> Strips:
@@ -365,15 +364,24 @@ class MirrorEnds:
         area = np.abs(edge[:, 0] * onward[:, 1] - edge[:, 1] * onward[:, 0])
         return np.asarray(self.knobs.end_reach * np.hypot(edge[:, 0], edge[:, 1]) / np.maximum(area, 1e-12))
 
-    def _pieces_near(self, at: Reflections) -> Iterator[tuple[int, Index, Reflections, Outline]]:
-        """Yield reflections at one mirror, some at a time, with the pieces that may be near to them."""
+    def _pieces_near(self, at: Reflections, own: bool = False) -> Iterator[tuple[int, Index, Reflections, Outline]]:
+        """Yield reflections at one mirror, some at a time, with the pieces that may be near to them.
+
+        Some of the pieces are free; with `own` all are, and of that mirror.
+        """
         for number in np.unique(at.mirror).tolist():
-            outline, own = self._outline(number), np.flatnonzero(at.mirror == number)
+            outline = self._outline(number)
+            if own:
+                outline = outline.take(outline.free & (outline.owner == number))
             if not outline.free.any():
                 continue
-            for rows in np.array_split(own, -(-len(own) // _TOGETHER)):
+            there = np.flatnonzero(at.mirror == number)
+            together = max(_TOGETHER, _COMPARED // len(outline.owner))
+            for rows in np.array_split(there, -(-len(there) // together)):
                 some = at.take(rows)
-                yield number, rows, some, outline.take(self._may_be_near(number, outline, some))
+                near = outline.take(self._may_be_near(number, outline, some))
+                if near.free.any():
+                    yield number, rows, some, near
 
     def _may_be_near(self, number: int, outline: Outline, at: Reflections) -> Flags:
         """Return which pieces may be within the reach of some reflections, by a box along their rays."""

@@ -79,32 +79,62 @@ class Panes:
         self._instance = rays.label(instance)
         self._part = rays.label(np.where(np.isin(faces.part, parts), faces.part, MISS))
 
-    def label(self, station: DeviceArray, ray: DeviceArray, before: DeviceArray, face: DeviceArray) -> DeviceArray:
-        """Return labels of points of faces in some unit directions from a station, up to a distance; see `DARK`."""
-        dr, mi = self.rays.dr, self.rays.mi
-        code, dark = mi.UInt32(0), mi.Bool(False)
+    def label(
+        self, station: DeviceArray, ray: DeviceArray, before: DeviceArray, face: DeviceArray, active: DeviceArray = True
+    ) -> DeviceArray:
+        """Return labels of points of faces in some unit directions from a station, up to a distance; see `DARK`.
+
+        Those that are not active count as in the open.
+        """
+        dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
         own = dr.gather(mi.Int32, self._instance, face)
-        for met, hit, part in self._met(station, ray, before):
+
+        def behind(
+            step: DeviceArray, active: DeviceArray, far: DeviceArray, code: DeviceArray, dark: DeviceArray
+        ) -> tuple[DeviceArray, ...]:
+            met, hit, part, far = self._next((station, ray, before), step, active, far)
             other = dr.gather(mi.Int32, self._instance, mi.UInt32(met), hit)
             pane = hit & (part != MISS) & ((other != own) | (own == 0))
-            dark |= hit & ~pane
             code = dr.select(pane, ((code * _MIX + mi.UInt32(part)) & _MASK) + 2, code)
+            return step + 1, pane, far, code, dark | (hit & ~pane)
+
+        # a loop, which ends where rays meet nothing more: most meet nothing at all
+        blocked = rays.blocked(station, ray, before, active)
+        state = mi.UInt32(0), blocked, dr.zeros(mi.Float, dr.width(ray)), mi.UInt32(0), mi.Bool(False)
+        _, _, _, code, dark = dr.while_loop(
+            state, lambda step, active, far, code, dark: active, behind, label="panes in the way"
+        )
         return dr.select(dark, mi.Int32(DARK), mi.Int32(code))
+
+    def _next(
+        self,
+        way: tuple[DeviceArray, DeviceArray, DeviceArray],
+        step: DeviceArray,
+        active: DeviceArray,
+        far: DeviceArray,
+    ) -> tuple[DeviceArray, DeviceArray, DeviceArray, DeviceArray]:
+        """Return the faces that active rays meet next, whether there is one, its part, and how far they go on behind.
+
+        A way is a station, a direction and a distance before which faces count, `far` how far the rays have come. What
+        is no pane ends it, as more than `MOST_PANES` do: its part is `MISS`.
+        """
+        dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
+        station, ray, before = way
+        face, distance = rays.first_within(station + far * ray, ray, before - far, active)
+        hit = active & (face != MISS)
+        part = dr.gather(mi.Int32, self._part, mi.UInt32(face), hit)
+        part = dr.select(step < MOST_PANES, part, MISS)
+        return face, hit, part, dr.select(hit & (part != MISS), far + distance + STEP_ON * (1.0 + far + distance), far)
 
     def _met(
         self, station: DeviceArray, ray: DeviceArray, before: DeviceArray
     ) -> Iterator[tuple[DeviceArray, DeviceArray, DeviceArray]]:
         """Yield the faces met one after the other, whether there is one, and its part; all but panes end the way."""
-        dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
-        active, far = rays.blocked(station, ray, before), 0.0
+        active, far = self.rays.blocked(station, ray, before), 0.0
         for step in range(MOST_PANES + 1):
-            face, distance = rays.first_within(station + far * ray, ray, before - far, active)
-            hit = active & (face != MISS)
-            part = dr.gather(mi.Int32, self._part, mi.UInt32(face), hit)
-            part = dr.select(step < MOST_PANES, part, MISS)
+            face, hit, part, far = self._next((station, ray, before), step, active, far)
             yield face, hit, part
             active = hit & (part != MISS)
-            far = dr.select(active, far + distance + STEP_ON * (1.0 + far + distance), far)
 
     def crossed(self, station: Array, points: Array, before: float) -> Index:
         """Return the faces of the panes between a station and points, shape (num_points, MOST_PANES), `MISS` for none.

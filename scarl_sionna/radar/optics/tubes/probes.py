@@ -281,8 +281,9 @@ class ScreenedProbe(Probe):
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi = self.rays.dr, self.rays.mi
-        apart, hidden, mirror = self._out_of_view(point), mi.Int32(0), None
+        apart, mirror = self._out_of_view(point), None
         beside, some_beside, strips = mi.Bool(False), mi.Bool(False), None
+        last: tuple[DeviceArray, ...] = ()  # the way to the point itself, and where that is too low for it
         for look in self._looks:
             ray = point - look.station
             distance = dr.norm(ray)
@@ -296,8 +297,8 @@ class ScreenedProbe(Probe):
                 slope = dr.select(apart, 1.0, there - own)
                 first, met = distance * (look.lift - own) / slope, -distance * own / slope
             start = look.station + first * ray
-            if mirror is None:
-                hidden = dr.select(low, mi.Int32(0), self._hidden(start, ray, distance - first - near, row))
+            if not last:
+                last = start, ray, distance - first - near, low
             else:
                 if strips is not None:
                     free = dr.select(beside & ~apart, distance - first - near, 0.0)
@@ -308,21 +309,25 @@ class ScreenedProbe(Probe):
                 missed = self._misses(begin, -ray, look.behind, ~apart)
                 beside, strips = mi.Bool(False), look.strips
                 if strips is not None:
-                    beside = missed & ~low & ~apart & strips.hold(look.station + met * ray)
+                    beside = strips.hold(look.station + met * ray, missed & ~low & ~apart)
                     some_beside |= beside
                 apart |= missed & ~beside
                 if mirror is None and self._face is not None:
                     apart |= low & (dr.gather(mi.UInt32, look.behind, dr.gather(mi.UInt32, self._face, row)) != 0)
             point, mirror = look.station + met * ray, look.behind
+        start, ray, before, low = last
+        hidden = self._hidden(start, ray, before, row, ~apart & ~low)
         hidden = dr.select(some_beside & (hidden == 0), mi.Int32(BESIDE), hidden)
         return dr.select(apart, mi.Int32(1), hidden)
 
-    def _hidden(self, start: DeviceArray, ray: DeviceArray, before: DeviceArray, row: DeviceArray) -> DeviceArray:
-        """Return whether something is in the way of rays up to a distance, or the label of the panes that are."""
+    def _hidden(
+        self, start: DeviceArray, ray: DeviceArray, before: DeviceArray, row: DeviceArray, active: DeviceArray
+    ) -> DeviceArray:
+        """Return whether something is in the way of active rays before a distance, or the label of panes that are."""
         dr, mi = self.rays.dr, self.rays.mi
         if self._panes is None or self._face is None:
-            return dr.select(self.rays.blocked(start, ray, before), mi.Int32(1), mi.Int32(0))
-        return self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row))
+            return dr.select(self.rays.blocked(start, ray, before, active), mi.Int32(1), mi.Int32(0))
+        return self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row), active)
 
     def _misses(self, start: DeviceArray, ray: DeviceArray, faces: DeviceArray, active: DeviceArray) -> DeviceArray:
         """Return which rays first meet something else than some faces."""
@@ -376,8 +381,8 @@ class _Strips:
         self._vectors = [rays.reals(one) for one in (strips.corner, strips.along, strips.out)]
         self._lengths = [rays.reals(one) for one in (strips.length, strips.beyond, strips.width)]
 
-    def hold(self, point: DeviceArray) -> DeviceArray:
-        """Return which points, in the plane of the mirror, are in one of the strips."""
+    def hold(self, point: DeviceArray, active: DeviceArray) -> DeviceArray:
+        """Return which of the active points, in the plane of the mirror, are in one of the strips."""
         dr, mi, rays = self._rays.dr, self._rays.mi, self._rays
 
         def step(number: DeviceArray, found: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
@@ -389,7 +394,11 @@ class _Strips:
 
         state = mi.UInt32(0), dr.zeros(mi.Bool, dr.width(point))
         count = self._count
-        return dr.while_loop(state, lambda number, found: number < count, step, label="strips beside mirrors")[1]
+
+        def on(number: DeviceArray, found: DeviceArray) -> DeviceArray:
+            return active & ~found & (number < count)
+
+        return dr.while_loop(state, on, step, label="strips beside mirrors")[1]
 
 
 class PlaneProbe(Probe):
