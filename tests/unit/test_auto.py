@@ -19,7 +19,7 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
-from scarl_sionna.radar.channel.compose.budget import Surface, estimate, surface_distance
+from scarl_sionna.radar.channel.compose.budget import Surface, _smooth_share, estimate, surface_distance
 from scarl_sionna.radar.channel.compose.choose import level_of
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
@@ -308,6 +308,18 @@ def test_a_weak_class_with_a_strong_flash_is_kept_by_its_bound(state) -> None:
         plan = plan_channel(state, RADAR, POSE, accuracy=Accuracy(channel_floor_db=floor))
         kept = [share.solver for share in plan.shares if item.number in share.instances]
         assert (kept or ["left out"]) == [method]
+
+
+def test_how_smooth_a_body_is_goes_by_the_area_of_its_parts(state) -> None:
+    """Each body of one part has the share of its material; one of all their parts the mean by their areas."""
+    world, parts = state.world, range(len(state.world.parts.name))
+    rough = np.array([world.materials[name].scattering_coefficient for name in world.parts.material])
+    area = [trimesh.triangles.area(state._triangles.of_parts([part])).sum() for part in parts]
+    for info in world.instances.values():
+        assert _smooth_share(state, info) == pytest.approx(1.0 - rough[info.parts[0]] ** 2, rel=1e-12)
+    every = replace(world.instances[1], parts=tuple(parts))
+    assert _smooth_share(state, every) == pytest.approx(1.0 - np.average(rough**2, weights=area), rel=1e-6)
+    assert len(set(rough)) > 2
 
 
 def view_of(state, mirrors) -> MirrorView:

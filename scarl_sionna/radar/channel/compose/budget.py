@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +25,7 @@ from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
 if TYPE_CHECKING:
-    from scarl_sionna.engine.world import WorldState
+    from scarl_sionna.engine.world import World, WorldState
     from scarl_sionna.scene.tables import InstanceInfo
 
 Array = npt.NDArray[np.float64]
@@ -210,18 +211,24 @@ class Surface:
     def lit_points(self, position: Array, count: int) -> Array:
         """Return points on the faces, evenly over their area as seen from a position, shape (count, 3)."""
         sight = position - self.middle
-        sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-9)
-        reach = np.cumsum(np.abs(np.einsum("ij,ij->i", self.cross, sight)))
+        distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", sight, sight)), 1e-9)
+        reach = np.cumsum(np.abs(np.einsum("ij,ij->i", self.cross, sight)) / distance)
         if not len(reach) or reach[-1] <= 0.0:
             return np.zeros((0, 3))
-        step = (np.arange(count) + 0.5) / count
+        step, first, second = _spread(count)
         face = np.searchsorted(reach, step * reach[-1])
-        spread = np.array([0.7548776662, 0.5698402910])  # Roberts' sequence
-        first, second = (np.modf(step[:, None] * count * spread)[0]).T
-        flip = first + second > 1.0
-        first, second = np.where(flip, 1.0 - first, first), np.where(flip, 1.0 - second, second)
-        a, b, c = np.moveaxis(self.corners[face], 1, 0)
+        a, b, c = (self.corners[face, corner] for corner in range(3))
         return np.asarray(a + first[:, None] * (b - a) + second[:, None] * (c - a))
+
+
+@lru_cache(maxsize=8)
+def _spread(count: int) -> tuple[Array, Array, Array]:
+    """Return steps from 0 to 1, and two coordinates in a triangle, evenly spread over it, for each of some points."""
+    step = (np.arange(count) + 0.5) / count
+    spread = np.array([0.7548776662, 0.5698402910])  # Roberts' sequence
+    first, second = (np.modf(step[:, None] * count * spread)[0]).T
+    flip = first + second > 1.0
+    return step, np.where(flip, 1.0 - first, first), np.where(flip, 1.0 - second, second)
 
 
 def _db(ratio: float) -> float:
@@ -234,15 +241,25 @@ def _unit(vector: Array) -> Array:
 
 def _smooth_share(state: WorldState, info: InstanceInfo) -> float:
     """Return the coherently reflected share of the power, 1 - S^2, of the parts' materials, weighted by their area."""
-    triangles, total, smooth = state._triangles, 0.0, 0.0
-    for part in info.parts:
-        corners = triangles.corners[triangles.first[part] : triangles.first[part + 1]]
-        area = float(
-            np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
-        )
-        rough = state.world.materials[state.world.parts.material[part]].scattering_coefficient
-        total, smooth = total + area, smooth + area * (1.0 - rough**2)
-    return smooth / total if total > 0.0 else 0.0
+    world, parts = state.world, list(info.parts)
+    if world not in _areas:
+        _areas[world] = _areas_of(world)
+    area = _areas[world][parts]
+    rough = np.array([world.materials[world.parts.material[part]].scattering_coefficient for part in parts])
+    total = float(area.sum())
+    return float(area @ (1.0 - rough**2)) / total if total > 0.0 else 0.0
+
+
+def _areas_of(world: World) -> Array:
+    """Return the area of each part, of one that bends at rest, shape (num_parts,) [m2]."""
+    triangles = world._triangles
+    corners, first = triangles.corners, triangles.first
+    twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    part = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    return np.asarray(np.bincount(part, np.sqrt(np.einsum("ij,ij->i", twice, twice)) / 2.0, len(first) - 1))
+
+
+_areas: WeakKeyDictionary[World, Array] = WeakKeyDictionary()
 
 
 def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) -> tuple[bool, float, float]:

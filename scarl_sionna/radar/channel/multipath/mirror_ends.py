@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.settings.mirrors import MirrorSettings
-from scarl_sionna.radar.optics.edges.fresnel_ends import edge_distances, edge_terms, fresnel_axes
+from scarl_sionna.radar.optics.edges.fresnel_ends import across, edge_distances, edge_terms, fresnel_axes
 from scarl_sionna.radar.optics.tubes.probes import Strips
 
 if TYPE_CHECKING:
@@ -391,13 +391,13 @@ class MirrorEnds:
         along /= np.maximum(np.sqrt(np.einsum("ij,ij->i", along, along)), 1e-9)[:, None]
         total = along.sum(axis=0)
         ahead = total / max(float(np.linalg.norm(total)), 1e-9)
-        across = np.cross(normal, ahead)
+        side = across(normal, ahead)
         straight = along @ ahead
-        turned = float(np.abs(along @ across).max()) if straight.min() > 0.0 else 1.0
+        turned = float(np.abs(along @ side).max()) if straight.min() > 0.0 else 1.0
         unit = self.knobs.end_reach / np.sqrt(2.0 * at.inverse / self.wavelength)
         long = float((unit / np.maximum(np.abs(cosine), 1e-6)).max())
         found = np.ones(len(outline.owner), dtype=np.bool_)
-        for axis, margin in ((ahead, long), (across, float(unit.max()) + turned * long)):
+        for axis, margin in ((ahead, long), (side, float(unit.max()) + turned * long)):
             place, start, end = at.point @ axis, outline.start @ axis, outline.end @ axis
             found &= (np.minimum(start, end) < place.max() + margin) & (np.maximum(start, end) > place.min() - margin)
         return found

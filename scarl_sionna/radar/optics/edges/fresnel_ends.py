@@ -73,7 +73,13 @@ def fresnel_axes(normal: Array, ray: Array, inverse: Array, wavelength: float) -
         length[level] = np.linalg.norm(along[level], axis=1)
     along /= length[:, None]
     unit = np.sqrt(2.0 * inverse / wavelength)[:, None]
-    return np.stack([along * unit * np.abs(cosine)[:, None], np.cross(normal, along) * unit], axis=1)
+    return np.stack([along * unit * np.abs(cosine)[:, None], across(normal, along) * unit], axis=1)
+
+
+def across(normal: Array, vectors: Array) -> Array:
+    """Return the cross products of a vector with others, (n, 3) or (3,): those of NumPy, which checks longer."""
+    (x, y, z), (a, b, c) = normal, vectors.T
+    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=-1)
 
 
 def edge_distances(start: Array, end: Array) -> tuple[Array, Array]:

@@ -198,7 +198,7 @@ class _Refinement:
         fine = probed.longest[uneven] <= probed.fine[uneven]
         small, halve = uneven[fine], uneven[~fine]
         at_corner = labels[start[small, None] + np.arange(3)]
-        equal = at_corner == np.roll(at_corner, -1, axis=1)  # corner i against i + 1
+        equal = at_corner == at_corner[:, [1, 2, 0]]  # corner i against i + 1
         two = equal.sum(axis=1) == 1
         large = self._above_corner_size(probed.take(small))
         rest = np.flatnonzero(~two & ~large)

@@ -46,6 +46,8 @@ OFFSETS = np.cumsum(COUNTS) - COUNTS
 """First row of each layout in `WEIGHTS`."""
 WEIGHTS = np.vstack(_LAYOUTS)
 """Barycentric coordinates of the probes, layout after layout."""
+_NEXT = np.array([1, 2, 0])
+"""Corner behind each of a triangle's."""
 
 
 def layouts(longest: Array, height: Array, wide: Array, point_like: Array) -> Index:
@@ -70,11 +72,13 @@ def layouts(longest: Array, height: Array, wide: Array, point_like: Array) -> In
 
 def halved(tri: Array) -> Array:
     """Cut triangles, shape (n, 3, 3), in two across their longest side: all first halves, then all second ones."""
-    side = np.roll(tri, -1, axis=1) - tri  # from corner i to i + 1
-    order = (np.einsum("nij,nij->ni", side, side).argmax(axis=1)[:, None] + np.arange(3)) % 3
-    a, b, c = np.moveaxis(tri[np.arange(len(tri))[:, None], order], 1, 0)
-    middle = (a + b) / 2.0
-    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+    side = tri[:, _NEXT] - tri  # from corner i to i + 1
+    first = np.einsum("nij,nij->ni", side, side).argmax(axis=1)
+    a, b, c = (tri[np.arange(len(tri)), corner] for corner in (first, _NEXT[first], _NEXT[_NEXT[first]]))
+    found = np.empty((2, *tri.shape))
+    found[0, :, 0], found[1, :, 1], found[:, :, 2] = a, b, c
+    found[0, :, 1] = found[1, :, 0] = (a + b) / 2.0
+    return found.reshape(-1, 3, 3)
 
 
 def cut_off(tri: Array, border: Array) -> tuple[Array, Array, Array]:
@@ -100,7 +104,7 @@ def middle(corners: Array) -> Array:
 
 def sides_and_height(tri: Array) -> tuple[Array, Array]:
     """Return the longest side of triangles, shape (n, 3, 3), and the height over it [m]."""
-    side = tri[:, [1, 2, 0]] - tri
+    side = tri[:, _NEXT] - tri
     longest = np.sqrt(np.einsum("nij,nij->ni", side, side).max(axis=1, initial=0.0))
     a, b = side[:, 0], side[:, 1]
     twice = np.einsum("ni,ni->n", a, a) * np.einsum("ni,ni->n", b, b) - np.einsum("ni,ni->n", a, b) ** 2
