@@ -176,20 +176,16 @@ def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
         return traced
 
 
-_SURFACES: WeakKeyDictionary[World, ShiningSurfaces] = WeakKeyDictionary()
+_SURFACES: WeakKeyDictionary[World, tuple[Retroreflectors, LitWindows]] = WeakKeyDictionary()
 
 
 def _surfaces(world: World) -> ShiningSurfaces:
     """Return what shines in a world beside its lamps."""
     if world not in _SURFACES:
-        _SURFACES[world] = _find_surfaces(world)
-    return _SURFACES[world]
-
-
-def _find_surfaces(world: World) -> ShiningSurfaces:
-    meshes = {name: world.mesh(part) for part, name in enumerate(world.parts.name)}
-    share = 0.0 if world.lighting is None else world.lighting.lit_windows
-    return ShiningSurfaces(Retroreflectors.of(world.parts), LitWindows.of(world.parts, meshes, share))
+        meshes = {name: world.mesh(part) for part, name in enumerate(world.parts.name)}
+        share = 0.0 if world.lighting is None else world.lighting.lit_windows
+        _SURFACES[world] = Retroreflectors.of(world.parts), LitWindows.of(world.parts, meshes, share)
+    return ShiningSurfaces(*_SURFACES[world], world.twin("optical").places)
 
 
 def _haze(state: WorldState) -> Haze | None:

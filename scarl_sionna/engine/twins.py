@@ -23,15 +23,16 @@ from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.core.temporary import temporary_folder
 from scarl_sionna.scene.bodies.bending import vertex_normals
-from scarl_sionna.scene.document.model import SceneDocument, twin_xml
+from scarl_sionna.scene.document.model import SceneDocument, actor_shapes, twin_xml
 from scarl_sionna.scene.materials.table import MaterialTable
 
 from . import variant
 from .device import Device
+from .joined import JoinedMeshes, PartPlace, can_be_joined, loaded_objects, number_of, scene_of
 from .light.lamps import Lamps, Moment, lamp_elements
 from .light.look import airlight, sky_elements, wet_bsdfs
 from .threads import many_threads
-from .types import MitsubaObject
+from .types import DeviceArray, MitsubaObject
 
 Array = npt.NDArray[np.float64]
 
@@ -47,11 +48,8 @@ _LAMPS = re.compile(r".*\.emitter\.radiance\.value$|beam-.*\.to_world$")
 """Parameters of the engine's scene that are written by their names."""
 _OF_MESH = ("vertex_positions", "vertex_normals", "faces")
 """Those of every mesh, read and written without Mitsuba's table of names: that looks at each of them in each update."""
-
-
-_PARALLEL = False
-"""Mitsuba 3.9 with several loader threads loses the memory of a texture at each load (12 MB for one of 1024 x 1024),
-which Dr.Jit counts as allocated and never frees; with one thread it does not, and a scene loads as fast."""
+MISS = -1
+"""Face of a ray that meets nothing."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,6 +74,12 @@ class Twin:
         Shape ids in the order of the parts.
     lighting : Lighting, optional
         Of the optical twin; None: the emitters of the scene's own XML.
+
+    Attributes
+    ----------
+    places : dict of str to PartPlace
+        Where the engine has the faces of each part: in the optical twin those that shine are meshes of their own, all
+        others are joined by BSDF (:class:`.joined.JoinedMeshes`).
     """
 
     def __init__(
@@ -89,6 +93,7 @@ class Twin:
         self.kind = kind
         self.part_names = part_names
         self.sionna_scene: MitsubaObject = None
+        self._joined: JoinedMeshes | None = None
         with variant.use(kind) as mi:
             try:
                 if kind == "radio":
@@ -98,12 +103,16 @@ class Twin:
             except (RuntimeError, TypeError, ValueError) as error:
                 raise _load_error(str(error), document) from error
             self._shapes = {shape.id(): shape for shape in self.mi_scene.shapes()}
-            if absent := [name for name in part_names if name not in self._shapes]:
+            joined: Mapping[str, PartPlace] = {} if self._joined is None else self._joined.places
+            if absent := [name for name in part_names if name not in self._shapes and name not in joined]:
                 raise SceneError(f"the engine did not load shape '{absent[0]}'", document.path)
-            self._part_of_registry = self._registry_table(mi)
+            own = {name: self._shapes[name] for name in part_names if name not in joined}
+            apart = {name: PartPlace(number_of(mi, shape), 0, shape.face_count()) for name, shape in own.items()}
+            self.places = {**joined, **apart}
+            self._count_faces(mi)
             self._params = mi.traverse(self.mi_scene)
             found = self._params.properties
-            self._fields = {key: found[key] for name in part_names for key in _keys(name) if key in found}
+            self._fields = {key: found[key] for name in own for key in _keys(name) if key in found}
             self._params.properties = {key: value for key, value in found.items() if _LAMPS.match(key)}
         self._applied: object = None
         self._pose_of: dict[str, Pose] = {}
@@ -119,8 +128,17 @@ class Twin:
     def _load_optical(self, mi: ModuleType, document: SceneDocument, lighting: Lighting | None) -> None:
         self.airlight = np.zeros(3)
         with temporary_folder() as folder:
-            xml = optical_xml(document, lighting, folder, mi)
-            self.mi_scene = mi.load_string(xml, optimize=False, parallel=_PARALLEL)
+            loaded = loaded_objects(mi, optical_xml(document, lighting, folder, mi))
+        alike, apart = [], []
+        for item in loaded:
+            if isinstance(item, mi.Shape) and can_be_joined(item):
+                alike.append(item)
+            elif not isinstance(item, mi.BSDF):
+                apart.append(item)
+        if alike:
+            self._joined = JoinedMeshes(mi, alike, actor_shapes(document))
+            apart = [*self._joined.objects, *apart]
+        self.mi_scene = scene_of(mi, apart)
         if lighting is not None and lighting.visibility is not None:
             self.airlight = airlight(mi, self.mi_scene)
 
@@ -131,14 +149,45 @@ class Twin:
         self.sionna_scene.frequency = RADIO_FREQUENCY
         self.mi_scene = self.sionna_scene.mi_scene
 
-    def _registry_table(self, mi: ModuleType) -> npt.NDArray[np.int32]:
-        """Return the part of every shape number that an intersection can report, -1 for none."""
-        import drjit as dr
+    def _count_faces(self, mi: ModuleType) -> None:
+        """Make the tables by which the engine's faces, mesh by mesh, are those of a state, part by part."""
+        on, places = Device(mi), [self.places[name] for name in self.part_names]
+        counts = np.array([place.size for place in places])
+        self._first_face = np.cumsum(counts) - counts
+        self._part_of_face = np.repeat(np.arange(len(places), dtype=np.int32), counts)
+        numbers, mesh = np.unique([place.number for place in places], return_inverse=True)
+        sizes = np.bincount(mesh, weights=counts).astype(np.int64)
+        first_of_mesh = np.cumsum(sizes) - sizes
+        rows = first_of_mesh[mesh] + np.array([place.first for place in places])
+        faces = np.arange(len(self._part_of_face), dtype=np.int32)
+        face_of_row = np.empty_like(faces)
+        face_of_row[np.repeat(rows - self._first_face, counts) + faces] = faces
+        self._face_of_row = on.label(face_of_row)
+        first_of_number = np.full(numbers.max() + 1, MISS, dtype=np.int32)
+        first_of_number[numbers] = first_of_mesh
+        self._first_of_number = on.label(first_of_number)
+        children = (0,) if self._joined is None else self._joined.numbers
+        self._first_of_child = on.label(first_of_number[list(children)])
+        self._part_of_number = np.full(len(first_of_number), -1, dtype=np.int64)
+        for part, place in enumerate(places):
+            self._part_of_number[place.number] = part
 
-        numbers = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(self._shapes[name]))[0]) for name in self.part_names]
-        table = np.full(max(numbers) + 1, -1, dtype=np.int32)
-        table[numbers] = np.arange(len(numbers), dtype=np.int32)
-        return table
+    def faces(self, found: MitsubaObject) -> DeviceArray:
+        """Return the face of each of the engine's intersections, `MISS` for none; inside of the twin's variant.
+
+        A row of the state's :class:`~.face_planes.FaceTable`, as Dr.Jit array.
+        """
+        import drjit as dr
+        import mitsuba as mi
+
+        number, valid = dr.reinterpret_array(mi.UInt32, found.shape), found.is_valid()
+        first = dr.gather(mi.Int32, self._first_of_number, number, valid)
+        if self._joined is not None:  # on a processor the engine tells which of the group's meshes, and no shape
+            child = valid & (number == 0)
+            first = dr.select(child, dr.gather(mi.Int32, self._first_of_child, found.shape_index, child), first)
+        valid &= first >= 0
+        row = mi.UInt32(first) + found.prim_index
+        return dr.select(valid, dr.gather(mi.Int32, self._face_of_row, row, valid), MISS)
 
     def mesh_data(self) -> tuple[MeshData, ...]:
         """Return the mesh of every part: static ones in the world frame, actors' in their own.
@@ -149,10 +198,14 @@ class Twin:
             If a mesh has no faces or vertices that are not finite.
         """
         meshes = []
-        with variant.use(self.kind):
+        with variant.use(self.kind) as mi:
+            joined = {} if self._joined is None else self._joined.read(mi)
             for name in self.part_names:
-                vertices = np.array(self._read(f"{name}.vertex_positions"), dtype=np.float64).reshape(-1, 3)
-                faces = np.array(self._read(f"{name}.faces"), dtype=np.int64).reshape(-1, 3)
+                if name in joined:
+                    vertices, faces = joined[name]
+                else:
+                    vertices = np.array(self._read(f"{name}.vertex_positions"), dtype=np.float64).reshape(-1, 3)
+                    faces = np.array(self._read(f"{name}.faces"), dtype=np.int64).reshape(-1, 3)
                 if faces.shape[0] == 0:
                     raise MeshError(f"mesh of shape '{name}' has no faces")
                 if not np.isfinite(vertices).all():
@@ -191,9 +244,15 @@ class Twin:
                 if own is None and _is_same(self._pose_of.get(name), pose):
                     continue
                 self._pose_of[name], moved = pose, True
-                self._move(mi, name, pose.apply((own or meshes[name]).vertices), self._normals(name, pose, own))
+                vertices, normals = pose.apply((own or meshes[name]).vertices), self._normals(mi, name, pose, own)
+                if self._joined is not None and name in self._joined.places:
+                    self._joined.move(mi, name, vertices, normals)
+                else:
+                    self._move(mi, name, vertices, normals)
                 if self._lamps is not None and name in self._lamps.shapes:
                     self._lamps.move(self._params, name, pose)
+            if self._joined is not None:
+                self._joined.update(mi)
             if self._lamps is not None:
                 self._lamps.switch(self._params, moment)
             with many_threads():
@@ -211,12 +270,16 @@ class Twin:
                 written.append(field)
         self._shapes[name].parameters_changed(written)
 
-    def _normals(self, name: str, pose: Pose, bent: MeshData | None) -> Array | None:
+    def _normals(self, mi: ModuleType, name: str, pose: Pose, bent: MeshData | None) -> Array | None:
         """Return the shading normals of a part, turned with it; None for a mesh without any."""
         if name not in self._local_normals:
             key = f"{name}.vertex_normals"
-            held = self._read(key) if key in self._fields else ()
-            self._local_normals[name] = np.array(held, dtype=np.float64).reshape(-1, 3)
+            if self._joined is not None and name in self._joined.places:
+                held = self._joined.normals(mi, name)
+            else:
+                read = self._read(key) if key in self._fields else ()
+                held = np.array(read, dtype=np.float64).reshape(-1, 3)
+            self._local_normals[name] = held
         local = self._local_normals[name]
         if not local.size:
             return None
@@ -232,9 +295,9 @@ class Twin:
                     self._object(name).velocity = mi.Vector3f(*velocity)
 
     def part_of_number(self, number: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-        """Return the part of each of the engine's shape numbers, -1 for none."""
-        known = (number >= 0) & (number < len(self._part_of_registry))
-        return np.where(known, self._part_of_registry[np.where(known, number, 0)], -1).astype(np.int64)
+        """Return the part of each of the engine's shape numbers, -1 for none, where each part is a shape: radio."""
+        known = (number >= 0) & (number < len(self._part_of_number))
+        return np.where(known, self._part_of_number[np.where(known, number, 0)], -1).astype(np.int64)
 
     def _object(self, name: str) -> MitsubaObject:
         import sionna.rt as rt
@@ -261,13 +324,12 @@ class Twin:
                 ray.maxt = mi.Float(float(max_distance))
             with many_threads(len(directions)):
                 found = self.mi_scene.ray_intersect_preliminary(ray, coherent=True)
-                shape = dr.reinterpret_array(mi.UInt32, found.shape)
-                distance, face, number = found.t, found.prim_index, shape
-                dr.eval(distance, face, number)
-                distance, face, number = distance.numpy(), face.numpy(), number.numpy()
-        hit = np.flatnonzero(np.isfinite(distance) & (number > 0))
-        part = self._part_of_registry[number[hit]]
-        return hit, part, face[hit].astype(np.int64), distance[hit]
+                distance, face = found.t, self.faces(found)
+                dr.eval(distance, face)
+                distance, face = distance.numpy(), face.numpy()
+        hit = np.flatnonzero(np.isfinite(distance) & (face >= 0))
+        part = self._part_of_face[face[hit]]
+        return hit, part, face[hit].astype(np.int64) - self._first_face[part], distance[hit]
 
 
 def optical_xml(document: SceneDocument, lighting: Lighting | None, folder: Path, mi: ModuleType) -> str:

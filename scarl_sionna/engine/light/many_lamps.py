@@ -8,7 +8,7 @@ What sends light back to its lamp asks once more, by the light that it may send 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.engine.device import Device
+from scarl_sionna.engine.joined import PartPlace
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 from .lamp_table import BEAM, SKY, LampTable, lamp_table
@@ -40,6 +41,8 @@ class ShiningSurfaces(NamedTuple):
 
     retroreflectors: Retroreflectors
     windows: LitWindows
+    places: Mapping[str, PartPlace]
+    """Where the scene has the faces of each part."""
 
 
 @lru_cache(maxsize=1)
@@ -132,9 +135,9 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             index[ids] = np.arange(len(ids))
             self._index_of_id = on.index(index)
             back = surfaces.retroreflectors
-            self._sheets, self._beads = (on.single(column) for column in back.columns(mi, scene))
+            self._sheets, self._beads = (on.single(column) for column in back.columns(surfaces.places))
             self._sends_back = bool(back.sheets or back.beads)
-            self._windows = WindowTable(mi, scene, surfaces.windows)
+            self._windows = WindowTable(mi, surfaces.places, surfaces.windows)
 
         def _chance(
             self, index: DeviceArray, point: DeviceArray, normal: DeviceArray, active: DeviceArray

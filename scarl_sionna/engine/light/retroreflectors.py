@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.engine.types import DeviceArray, MitsubaObject
+from scarl_sionna.engine.joined import PartPlace
+from scarl_sionna.engine.types import DeviceArray
 from scarl_sionna.scene.tables import PartTable
 
 SHEET_EXPONENT, SHEET_SCALE = 0.88, 0.409
@@ -42,16 +44,16 @@ class Retroreflectors(NamedTuple):
             )
         )
 
-    def columns(self, mi: ModuleType, scene: MitsubaObject) -> tuple[npt.NDArray[np.float32], ...]:
-        """Return both coefficients by the number that Dr.Jit gives a shape, each of float32, shape (highest + 1,)."""
-        import drjit as dr
+    def columns(self, places: Mapping[str, PartPlace]) -> tuple[npt.NDArray[np.float32], ...]:
+        """Return both coefficients by the number of a mesh in the engine, each of float32, shape (highest + 1,).
 
-        shapes = scene.shapes()
-        numbers = np.array(dr.reinterpret_array(mi.UInt32, scene.shapes_dr()), dtype=np.int64)
+        A mesh has parts of one material.
+        """
         columns = []
         for table in self:
-            column = np.zeros(int(numbers.max(initial=0)) + 1, dtype=np.float32)
-            column[numbers] = [table.get(shape.id(), 0.0) for shape in shapes]
+            column = np.zeros(max((place.number for place in places.values()), default=0) + 1, dtype=np.float32)
+            for name, value in table.items():
+                column[places[name].number] = value
             columns.append(column)
         return tuple(columns)
 

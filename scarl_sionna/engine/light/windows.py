@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.engine.device import Device
+from scarl_sionna.engine.joined import PartPlace
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 from scarl_sionna.scene.tables import PartTable
 
@@ -136,28 +137,30 @@ class WindowTable:
     Parameters
     ----------
     mi : module
-    scene : mitsuba.Scene
+    places : mapping of str to PartPlace
+        Where the scene has the faces of each part.
     windows : LitWindows
     """
 
-    def __init__(self, mi: ModuleType, scene: MitsubaObject, windows: LitWindows) -> None:
-        import drjit as dr
-
-        numbers = np.array(dr.reinterpret_array(mi.UInt32, scene.shapes_dr()), dtype=np.int64)
-        first = np.full(int(numbers.max(initial=0)) + 1, -1, dtype=np.int32)
-        pane_of_face: list[npt.NDArray[np.int32]] = [np.full(1, -1, dtype=np.int32)]
+    def __init__(self, mi: ModuleType, places: Mapping[str, PartPlace], windows: LitWindows) -> None:
+        first = np.full(max((place.number for place in places.values()), default=0) + 1, -1, dtype=np.int32)
+        sizes: dict[int, int] = {places[name].number: 0 for name in windows.faces}
+        for place in places.values():
+            if place.number in sizes:
+                sizes[place.number] = max(sizes[place.number], place.first + place.size)
         count = 1
-        for number, shape in zip(numbers, scene.shapes(), strict=True):
-            own = windows.faces.get(shape.id())
-            if own is not None:
-                first[number] = count
-                pane_of_face.append(own)
-                count += len(own)
+        for number, size in sizes.items():
+            first[number] = count
+            count += size
+        pane_of_face = np.full(count, -1, dtype=np.int32)
+        for name, own in windows.faces.items():
+            start = first[places[name].number] + places[name].first
+            pane_of_face[start : start + len(own)] = own
         self._mi = mi
         self.any = count > 1
         on = Device(mi)
         self._first = on.label(first)
-        self._pane_of_face = on.label(np.concatenate(pane_of_face))
+        self._pane_of_face = on.label(pane_of_face)
         panes = np.zeros((max(len(windows.panes), 1), 8), dtype=np.float32)
         panes[: len(windows.panes)] = windows.panes
         rooms = windows.rooms if len(windows.rooms) else np.zeros((1, 4), dtype=np.float32)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.device import Device
+from scarl_sionna.engine.twins import MISS
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 if TYPE_CHECKING:
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-MISS = -1
-"""Face of a ray that meets nothing."""
 STATE_LIFT = 4e-7
 """In a scene a ray starts this far above its face, relative to the largest coordinate: some float32 steps of it."""
 SMALLEST_LIFT = 1e-6
@@ -139,9 +138,7 @@ class StateRays(FaceRays):
         engine = state._applied(twin)
         super().__init__(mi, engine.mi_scene, twin)
         self.Fine, self.FinePoint = self.Real, self.Vector  # far from the origin float32 is not fine enough
-        part = engine.part_of_number(np.arange(len(engine._part_of_registry)))
-        first = state._triangles.first
-        self._first = self.label(np.where(part >= 0, first[np.maximum(part, 0)], MISS))
+        self._twin = engine
 
     def placed(self, points: Array) -> Array:
         """Return points as they are: the frame is the world's [m]."""
@@ -153,11 +150,7 @@ class StateRays(FaceRays):
         return point + dr.maximum(STATE_LIFT * dr.max(dr.abs(point)), SMALLEST_LIFT) * normal
 
     def _face(self, found: MitsubaObject) -> DeviceArray:
-        dr, mi = self.dr, self.mi
-        number = dr.reinterpret_array(mi.UInt32, found.shape)
-        valid = found.is_valid()
-        first = dr.gather(mi.Int32, self._first, number, valid)
-        return dr.select(valid & (first >= 0), first + mi.Int32(found.prim_index), MISS)
+        return self._twin.faces(found)
 
 
 class MeshRays(FaceRays):

@@ -90,6 +90,11 @@ class SceneDocument(Described):
         yield from field_rows(self, without=("root", "instances", "materials", "bsdf_of_shape", "info", "files"))
 
 
+def actor_shapes(document: SceneDocument) -> frozenset[str]:
+    """Return the ids of the shapes of actors."""
+    return frozenset(shape for entry in document.instances if entry.trajectory is not None for shape in entry.shapes)
+
+
 def twin_xml(
     document: SceneDocument,
     bsdfs: dict[str, ET.Element],
@@ -110,13 +115,13 @@ def twin_xml(
     """
     root = ET.Element("scene", {"version": document.root.get("version", "3.0.0")})
     root.extend(bsdfs.values())
-    actor_shapes = {shape for entry in document.instances if entry.trajectory is not None for shape in entry.shapes}
+    moving = actor_shapes(document)
     for shape in document.root.findall("shape"):
         twin = copy.deepcopy(shape)
         shape_id = str(twin.get("id"))
         for child in list(twin):
             is_material = child.tag == "bsdf" or (child.tag == "ref" and child.get("id") in bsdfs)
-            is_place = child.get("name") == "to_world" and shape_id in actor_shapes
+            is_place = child.get("name") == "to_world" and shape_id in moving
             if is_material or is_place:
                 twin.remove(child)
             if is_place and (kept := kept_transform(child, document.path)) is not None:
