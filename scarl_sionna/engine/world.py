@@ -615,7 +615,10 @@ class WorldState(Described):
         }
 
     def optical_scene(self) -> MitsubaObject:
-        """Return the Mitsuba scene of the RGB variant in this state; use it inside ``variant.optical()``."""
+        """Return the Mitsuba scene of the RGB variant in this state; use it inside ``variant.optical()``.
+
+        Parts that do not shine are joined by their BSDF: they are not shapes of it by their ids.
+        """
         return self._applied("optical").mi_scene
 
     @property
