@@ -1,4 +1,4 @@
-"""The optical twin with its meshes joined by BSDF in one group, against Mitsuba's scene of the same XML as it stands."""
+"""The optical twin, its meshes joined by BSDF in one group, against Mitsuba's own scene of the same XML."""
 
 from __future__ import annotations
 
