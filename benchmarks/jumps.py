@@ -86,10 +86,7 @@ def only(plan: ChannelPlan, numbers: list[int]) -> ChannelPlan:
     shares = []
     for share in plan.shares:
         own = tuple(number for number in map(int, share.instances) if number in numbers)
-        over = [
-            replace(item, instances=tuple(number for number in item.instances if number in own))
-            for item in share.reflections
-        ]
+        over = [item.only(own) for item in share.reflections]
         if own:
             kept = tuple(item for item in over if item.instances)
             shares.append(replace(share, instances=own, reflections=kept, through_mirrors=bool(kept)))

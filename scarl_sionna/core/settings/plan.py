@@ -7,7 +7,7 @@ The rule of ownership, and what it does not cover, stands in docs/accuracy.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, TypeVar
 
@@ -69,10 +69,19 @@ class Reflection:
         Names, ids or classes, all of the share.
     mirrors : sequence of str or int
         Names, ids or classes, all of them mirrors of the plan.
+    weights : sequence of sequences of float
+        By which the field of each object over each mirror counts, 0 to 1, a row for each object, once for each leg over
+        the mirror; all 1 if empty.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a field is a text, or the weights are not as many as objects and mirrors, or not from 0 to 1.
     """
 
     instances: tuple[str | int, ...]
     mirrors: tuple[str | int, ...]
+    weights: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("instances", "mirrors"):
@@ -80,10 +89,26 @@ class Reflection:
             if isinstance(value, str):
                 raise ParameterRangeError(name, repr(value), "a sequence of names", "write ('name',)")
             object.__setattr__(self, name, tuple(value))
+        weights = tuple(tuple(float(weight) for weight in row) for row in self.weights)
+        shape = [len(self.mirrors)] * len(self.instances)
+        if weights and [len(row) for row in weights] != shape:
+            allowed = f"{len(shape)} rows of {len(self.mirrors)}"
+            raise ParameterRangeError("weights", f"rows of {[len(row) for row in weights]}", allowed)
+        for weight in (weight for row in weights for weight in row):
+            if not 0.0 <= weight <= 1.0:
+                raise ParameterRangeError("weights", weight, "0 to 1")
+        object.__setattr__(self, "weights", weights)
+
+    def only(self, instances: Collection[str | int]) -> Reflection:
+        """Return the part for some of the instances."""
+        kept = [place for place, item in enumerate(self.instances) if item in instances]
+        rows = tuple(self.weights[place] for place in kept) if self.weights else ()
+        return Reflection(tuple(self.instances[place] for place in kept), self.mirrors, rows)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        return {"instances": list(self.instances), "mirrors": list(self.mirrors)}
+        weights = [list(row) for row in self.weights]
+        return {"instances": list(self.instances), "mirrors": list(self.mirrors), "weights": weights}
 
 
 @dataclass(frozen=True, repr=False)

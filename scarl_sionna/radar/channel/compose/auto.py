@@ -221,14 +221,18 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
 
 def _reflections(view: View, own: list[Choice]) -> tuple[Reflection, ...]:
     """Return objects that are seen over the same mirrors together."""
-    groups: dict[tuple[int, ...], list[int]] = {}
+    groups: dict[tuple[int, ...], dict[int, tuple[float, ...]]] = {}
     for choice in own:
         if choice.mirrors:
             over = tuple(sorted({view.instance(mirror) for mirror in choice.mirrors}))
-            groups.setdefault(over, []).append(choice.item.number)
+            weight: dict[int, float] = {}
+            for change in choice.changes:
+                at = view.instance(change.mirror)
+                weight[at] = max(weight.get(at, 0.0), change.weight)
+            groups.setdefault(over, {})[choice.item.number] = tuple(weight[at] for at in over)
     return tuple(
-        Reflection(tuple(sorted(numbers)), over)
-        for over, numbers in sorted(groups.items(), key=lambda one: min(one[1]))
+        Reflection(tuple(sorted(found)), over, tuple(found[number] for number in sorted(found)))
+        for over, found in sorted(groups.items(), key=lambda one: min(one[1]))
     )
 
 

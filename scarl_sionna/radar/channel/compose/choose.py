@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 ENOUGH = 0.9
 """Share of the objects that must be within the tolerance for a solve to have met it: by definition of the tolerance."""
+_LEAST_DB = 1e-6
+"""Of changes that count [dB]: a guard against a limit of nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +257,8 @@ def _toward(state: WorldState, item: Estimate, pose: Pose) -> np.ndarray:
 def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
     """Find out what the radar sees of objects, straight and over mirrors; return the mirrors that change most."""
     accuracy = view.settings.accuracy
-    least = min(accuracy.channel_tolerance_db, view.rules.smallest_change_db)
+    tolerance = accuracy.channel_tolerance_db
+    least = max(min(tolerance, view.rules.smallest_change_db), _LEAST_DB)
     candidates = view.candidates
     thin = pane_parts(view.state, view.radar.center_frequency, SbrSettings().pane_loss_db)
     mirror_view = MirrorView(view.state, view.radar, view.mount, (), candidates, view.settings.mirrors, thin)
@@ -264,14 +267,12 @@ def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
     for choice in coherent:
         own = seen[choice.item.number]
         choice.sight = own[0]
-        choice.changes = [
-            change
-            for change in changes(own, candidates, view.reach)
-            if change.change_db > least and choice.item.level_db(change.field) > accuracy.channel_floor_db
-        ]
-        for change in choice.changes:
-            level = choice.item.level_db(change.field) - accuracy.channel_floor_db
-            gain[change.mirror.number] = gain.get(change.mirror.number, 0.0) + level
+        for change in changes(own, candidates, view.reach, least, tolerance):
+            mixed = np.sqrt(max(change.field, own[0].field) * change.field)  # one of two ways goes over the mirror
+            level = choice.item.level_db(float(mixed)) - accuracy.channel_floor_db
+            if level > 0.0:
+                choice.changes.append(change)
+                gain[change.mirror.number] = gain.get(change.mirror.number, 0.0) + level
     best = sorted(gain, key=lambda number: (-gain[number], number))[: view.settings.mirrors.max_mirrors]
     return [candidates[number] for number in sorted(best)]
 

@@ -7,7 +7,7 @@ length and rate, and what hides the way before the last mirror, is added path by
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations_with_replacement, permutations
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -29,9 +29,11 @@ from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
 
 from .budget import BOX_POINTS, box_points
+from .expected_error import owners
 from .mirror_faces import COINCIDENT, NO_MIRROR, inside
 from .mirror_legs import Leg, MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches, ways
+from .plan import Seen
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -100,6 +102,28 @@ def paths_through_mirrors(
         if there is not back:
             blocks.append((block.reversed(), met[::-1]))
     return blocks
+
+
+def weighted(paths: RadarPaths, met: Faces, seen: Seen, instance: Mapping[int, int]) -> RadarPaths:
+    """Return paths over mirrors with the weights of their legs.
+
+    Parameters
+    ----------
+    paths : RadarPaths
+    met : Faces
+        Mirrors of the ways there and back.
+    seen : Seen
+        With the weight of each object and mirror.
+    instance : mapping
+        Instances of the mirrors, by their numbers.
+    """
+    weight = np.ones(paths.num_paths)
+    for way, last in zip(met, (False, True), strict=True):
+        own = owners(paths, seen.objects, last=last)
+        for number in np.unique(own).tolist():
+            over = [seen.weights.get((number, instance[mirror]), 1.0) for mirror in way]
+            weight[own == number] *= np.prod(over)
+    return replace(paths, a=paths.a * weight[:, None, None])
 
 
 def _looking(start: Array, end: Array) -> Array:

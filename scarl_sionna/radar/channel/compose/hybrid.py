@@ -32,11 +32,11 @@ from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
-from .ghosts import STRAIGHT, Faces, Meshes, of_models, paths_through_mirrors
+from .ghosts import STRAIGHT, Faces, Meshes, of_models, paths_through_mirrors, weighted
 from .mirror_chains import mirror_chains, most_mirrors
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
-from .plan import ResolvedPlan, resolve
+from .plan import ResolvedPlan, Seen, resolve
 from .spend import num_pairs
 
 if TYPE_CHECKING:
@@ -113,9 +113,9 @@ def solve_hybrid(
         mirrors = work.mirrors_of(settings.mirrors)
         work.clock["mirrors"] = time.perf_counter() - start
         for index in order:
-            for objects, over in resolved.reflections[index]:
-                if lit := [number for number in objects if number in resolved.lit[index]]:
-                    work.ghosts(plan.shares[index], resolved.owned[index], lit, _of_instances(state, mirrors, over))
+            for seen in resolved.reflections[index]:
+                if lit := [number for number in seen.objects if number in resolved.lit[index]]:
+                    work.ghosts(plan.shares[index], resolved.owned[index], seen._replace(objects=tuple(lit)), mirrors)
     found = work.result()
     return found if estimate is None else replace(found, diagnostics={**found.diagnostics, "estimate": estimate})
 
@@ -133,7 +133,7 @@ def _affordable(
         if share.solver == "sbr" and owned:
             own = settings if share.settings is None else settings.with_(sbr=share.settings)
             over = resolved.reflections[index]
-            more = sum(len(objects) * (num_pairs(len(mirrors)) - 1) for objects, mirrors in over)
+            more = sum(len(seen.objects) * (num_pairs(len(seen.mirrors)) - 1) for seen in over)
             stations = stations_of(radar, mount)
             work[index] = Work(Bodies(state, radar, own, owned), stations, 1.0 + more / len(owned))
     knobs, cost = affordable(list(work.values()), settings.accuracy, settings.auto.levels)
@@ -142,14 +142,6 @@ def _affordable(
         if chosen != work[index].bodies.knobs:
             shares[index] = replace(shares[index], settings=chosen)
     return replace(plan, shares=tuple(shares)), cost.report()
-
-
-def _of_instances(
-    state: WorldState, mirrors: list[Mirror], instances: Sequence[int]
-) -> tuple[list[Mirror], list[Mirror]]:
-    """Return all mirrors, and those that belong to some instances."""
-    chosen = set(instances)
-    return mirrors, [mirror for mirror in mirrors if int(state.world.parts.instance[mirror.part]) in chosen]
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,12 +276,12 @@ class _Work:
         """Return the flat faces of the plan's mirrors."""
         return find_mirrors(self.state, self.plan.mirrors, self.mount.pose.position, self.radar.wavelength, knobs)
 
-    def ghosts(
-        self, share: Share, owned: Sequence[int], objects: Sequence[int], mirrors: tuple[list[Mirror], list[Mirror]]
-    ) -> None:
-        """Compute objects of a share as they are seen over some mirrors; `mirrors`: all of the solve, and those."""
-        start = time.perf_counter()
-        view = MirrorView(self.state, self.radar, self.mount, objects, mirrors[0], self.settings.mirrors)
+    def ghosts(self, share: Share, owned: Sequence[int], seen: Seen, mirrors: list[Mirror]) -> None:
+        """Compute objects of a share as they are seen over some of all mirrors of the solve."""
+        start, objects = time.perf_counter(), seen.objects
+        instance = {mirror.number: int(self.state.world.parts.instance[mirror.part]) for mirror in mirrors}
+        over = [mirror for mirror in mirrors if instance[mirror.number] in seen.mirrors]
+        view = MirrorView(self.state, self.radar, self.mount, objects, mirrors, self.settings.mirrors)
         settings = self._settings(share, owned if share.solver == "sbr" else objects)
         if share.solver == "sbr":
             meshes = self._bodies(settings, owned)
@@ -301,7 +293,9 @@ class _Work:
             placed = [PlacedModel(name, names[name], model, frames.get(name, Pose())) for name, model in models.items()]
             solve = of_models(self.state, self.radar, placed)
         depth, cut = self.plan.plan.mirror_depth, share.solver == "sbr"
-        found = paths_through_mirrors(view, solve, mirrors[1], depth, self.reach, cut)
+        found = paths_through_mirrors(view, solve, over, depth, self.reach, cut)
+        if seen.weights:
+            found = [(weighted(paths, faces, seen, instance), faces) for paths, faces in found]
         self._add(
             _Contribution(
                 solver=share.solver,
@@ -310,7 +304,7 @@ class _Work:
                 blocks=[paths.select(paths.length < 2.0 * self.reach) for paths, _ in found],
                 faces=[faces for _, faces in found],
                 seconds=time.perf_counter() - start,
-                report={"num_mirrors": len(mirrors[1])},
+                report={"num_mirrors": len(over)},
             )
         )
 

@@ -5,9 +5,10 @@ The rule of ownership, and what it does not cover, stands in docs/accuracy.md.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlError, UnknownNameError
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
@@ -25,18 +26,29 @@ class OwnershipError(ScarlError, ValueError):
         super().__init__(f"'{instance}' is given to {first} and to {second}: {why}; {remedy}")
 
 
+class Seen(NamedTuple):
+    """Ids of objects that are seen over mirrors, and of these.
+
+    `weights` has what the field of an object over a mirror counts by, where that is not 1.
+    """
+
+    objects: tuple[int, ...]
+    mirrors: tuple[int, ...]
+    weights: Mapping[tuple[int, int], float] = MappingProxyType({})
+
+
 @dataclass(frozen=True)
 class ResolvedPlan:
     """A plan with instance ids: those of each share, the mirrors, and for each share which objects are seen over which.
 
-    `reflections` has for each share pairs of the ids of objects and of mirrors, `lit` what of each share waves meet
+    `reflections` has for each share which objects are seen over which mirrors, `lit` what of each share waves meet
     first.
     """
 
     plan: ChannelPlan
     owned: tuple[tuple[int, ...], ...]
     mirrors: tuple[int, ...]
-    reflections: tuple[tuple[tuple[tuple[int, ...], tuple[int, ...]], ...], ...] = ()
+    reflections: tuple[tuple[Seen, ...], ...] = ()
     lit: tuple[tuple[int, ...], ...] = ()
 
 
@@ -99,13 +111,13 @@ def _refuse_foreign(field: str, world: World, number: int, index: int) -> None:
 
 def _reflections(
     plan: ChannelPlan, world: World, index: int, owned: Sequence[int], mirrors: Sequence[int]
-) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
+) -> tuple[Seen, ...]:
     """Return the objects of a share and the mirrors over which they are seen, each pair of them once."""
     share = plan.shares[index]
     if not share.through_mirrors or not mirrors or not owned:
         return ()
     if not share.reflections:
-        return ((tuple(owned), tuple(mirrors)),)
+        return (Seen(tuple(owned), tuple(mirrors)),)
     found, seen = [], set()
     for reflection in share.reflections:
         objects, over = ids_of(world, reflection.instances), ids_of(world, reflection.mirrors)
@@ -130,7 +142,12 @@ def _reflections(
                     "mirrors of the plan",
                     "put it into `mirrors` of the plan",
                 )
-        found.append((tuple(objects), tuple(over)))
+        weights: dict[tuple[int, int], float] = {}
+        for item, row in zip(reflection.instances, reflection.weights, strict=False):
+            for mirror, weight in zip(reflection.mirrors, row, strict=True):
+                pairs = ((one, other) for one in ids_of(world, [item]) for other in ids_of(world, [mirror]))
+                weights |= {pair: weight for pair in pairs if weight != 1.0}
+        found.append(Seen(tuple(objects), tuple(over), weights))
     return tuple(found)
 
 

@@ -47,6 +47,12 @@ HIDDEN = Sight(0.0, 0.0, np.inf)
 _NEARER = 0.25
 """Surfaces may be this much nearer than the points that stand for them [m]: what is left out by mistake jumps, what is
 looked at in vain costs some tubes."""
+WHOLE_SHARE = 1.0 / 64.0
+"""A mirror that shows less than this share of an object's faces counts by less than its field, one that shows less than
+a quarter of it not at all: so it comes and goes smoothly, though few probes see it. docs/accuracy.md, jumps."""
+CLOSER = 8
+"""Where few probes meet an object over a mirror, so many times as many look again: one of them more or less then changes
+a field by at most a sixteenth."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +66,15 @@ class Change:
     field : float
         Of :class:`Sight` [1/m].
     mirror : Mirror
+    weight : float
+        By which fields over the mirror count, 0 to 1: below 1 where it shows hardly anything of the object, or is
+        hardly strong enough to matter.
     """
 
     change_db: float
     field: float
     mirror: Mirror
+    weight: float = 1.0
 
 
 def sights(view: MirrorView, numbers: Sequence[int], rules: AutoSettings = DEFAULT_AUTO) -> Mapping[int, list[Sight]]:
@@ -77,7 +87,7 @@ def sights(view: MirrorView, numbers: Sequence[int], rules: AutoSettings = DEFAU
     numbers : sequence of int
         Instance ids.
     rules : AutoSettings
-        Its `num_probes` points stand for each object.
+        Its `num_probes` points stand for each object; `CLOSER` times as many where few of them are seen over a mirror.
 
     Raises
     ------
@@ -100,6 +110,14 @@ def sights(view: MirrorView, numbers: Sequence[int], rules: AutoSettings = DEFAU
                 ]
         for look, sight in zip(looks, _seen(view, looks, depth), strict=True):
             found[look.number][look.place] = sight
+    closer = []
+    for number, surface in zip(numbers, surfaces, strict=True):
+        for place, way in enumerate(all_ways):
+            if way and 0.0 < found[number][place].share < 2.0 * WHOLE_SHARE:
+                points = surface.lit_points(mirrored(way, position), CLOSER * rules.num_probes)
+                closer.append(Look(number, place, points))
+    for look, sight in zip(closer, _seen(view, closer, 1), strict=True):
+        found[look.number][look.place] = sight
     return found
 
 
@@ -158,7 +176,13 @@ def _sight(strength: Array, length: Array, count: int) -> Sight:
     return Sight(len(length) / count, float(strength.mean()), float(length.min()))
 
 
-def changes(seen: Sequence[Sight], mirrors: Sequence[Mirror], reach: float) -> list[Change]:
+def changes(
+    seen: Sequence[Sight],
+    mirrors: Sequence[Mirror],
+    reach: float,
+    least_db: float = DEFAULT_AUTO.smallest_change_db,
+    tolerance_db: float = DEFAULT_AUTO.smallest_change_db,
+) -> list[Change]:
     r"""Return what mirrors can do to an object, the largest change first.
 
     Parameters
@@ -168,6 +192,10 @@ def changes(seen: Sequence[Sight], mirrors: Sequence[Mirror], reach: float) -> l
     mirrors : sequence of Mirror
     reach : float
         Half of the longest length, of a way there and a way back together [m].
+    least_db : float
+        Reflections that change an object by more than this count [dB], above 0.
+    tolerance_db : float
+        So do those that would if the part they show were all of it that shines, by more than this [dB], above 0.
 
     Notes
     -----
@@ -179,14 +207,29 @@ def changes(seen: Sequence[Sight], mirrors: Sequence[Mirror], reach: float) -> l
     index m), times the part of the object that it shows relative to the straight one, so the echo changes by at most
     :math:`40 \log_{10}(1 + \rho)`. The two-ray law is that of M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed.,
     2001, section 8.2.
+
+    The part that a mirror shows may be what shines: the foot of a post, where it makes a corner with the ground. So the
+    change without regard to the part counts, too. The weight rises from 0 to 1 where the part goes from a quarter of
+    `WHOLE_SHARE` to all of it, and where a change goes from half of its limit to that.
     """
     found, straight = [], seen[0]
     for sight, mirror in zip(seen[1:], mirrors, strict=True):
         if sight.share == 0.0 or (min(straight.nearest, sight.nearest) + sight.nearest) / 2.0 >= reach + _NEARER:
             continue
-        rise = np.inf
+        rise = most = np.inf
         if straight.share > 0.0 and straight.field > 0.0:
-            ratio = sight.field / straight.field * min(sight.share / straight.share, 1.0)
-            rise = float(40.0 * np.log10(1.0 + ratio))
-        found.append(Change(rise, sight.field, mirror))
+            ratio = sight.field / straight.field
+            rise, most = (
+                float(40.0 * np.log10(1.0 + ratio * part)) for part in (min(sight.share / straight.share, 1.0), 1.0)
+            )
+        weight = max(_rising(2.0 * rise / least_db - 1.0), _rising(2.0 * most / tolerance_db - 1.0))
+        weight *= _rising((4.0 * sight.share / WHOLE_SHARE - 1.0) / 3.0)
+        if weight > 0.0 and sight.field > 0.0:
+            found.append(Change(rise, sight.field, mirror, weight))
     return sorted(found, key=lambda change: (-change.change_db, -change.field, change.mirror.number))
+
+
+def _rising(place: float) -> float:
+    """Return a number that rises smoothly from 0 to 1 between the places 0 and 1."""
+    t = float(np.clip(place, 0.0, 1.0))
+    return t * t * (3.0 - 2.0 * t)

@@ -24,7 +24,7 @@ class Choice:
     tubes : int
         That it costs straight; each further pair of ways costs as much.
     changes : list of Change
-        What mirrors do to it, as far as it exceeds the tolerance, or `smallest_change_db` where that is less, and is
+        What mirrors do to it, as far as it may exceed the tolerance, or `smallest_change_db` where that is less, and is
         above the floor, the largest first.
     mirrors : list of Mirror
         Of them, those that the budget pays for.

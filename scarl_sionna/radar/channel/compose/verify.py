@@ -291,10 +291,7 @@ class _Work:
         """Return the paths of some objects at a level, of some with their reflections; the others only bounce."""
         shares = []
         for share in (share for share in self.plan.shares if share.solver == "sbr"):
-            over = [
-                replace(item, instances=tuple(number for number in item.instances if number in whole))
-                for item in share.reflections
-            ]
+            over = [item.only(whole) for item in share.reflections]
             shares.append(
                 replace(
                     share,

@@ -414,7 +414,7 @@ class MirrorEnds:
         term, height, distance = edge_terms(*self._seen(number, free, at), self.knobs.end_reach)
         total = 1.0 - term.sum(axis=1)
         own = free.owner == number
-        behind = np.flatnonzero((height[:, own] < 0.0).any(axis=1))
+        behind = np.flatnonzero(((height < 0.0) & (distance < self.knobs.end_reach))[:, own].any(axis=1))
         if not len(behind):
             return np.asarray(total)
         some, mine = at.take(behind), near.take(near.owner == number)
