@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import trimesh
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.mirrors import MirrorSettings
+from scarl_sionna.core.settings.plan import Reflection
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
-from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
+from scarl_sionna.radar.channel import ChannelPlan, Share, plan_channel, solve_paths
 from tests.oracles.kirchhoff import share_of_half_plane
-from tests.scenes import Thing, ball, box, write_scene
+from tests.scenes import Thing, ball, box, plane, write_scene
 
 RADAR = RadarSpec(azimuth_fov_deg=160.0, elevation_fov_deg=60.0)
 WALL, END = 3.0, 8.0
@@ -67,6 +71,60 @@ def test_an_echo_near_the_end_of_a_wall_is_that_of_kirchhoffs_integral(ends, ahe
     assert short[0] == pytest.approx(long[0], rel=1e-9)  # the straight way has no end
     assert abs(short[1] / long[1] - expected) < 0.05
     assert abs(short[2] / long[2] - expected**2) < 0.025
+
+
+def test_a_weight_counts_once_for_each_leg_over_the_mirror(ends) -> None:
+    over = Reflection(("ball",), ("wall",), ((0.25,),))
+    plan = replace(PLAN, shares=(replace(PLAN.shares[0], reflections=(over,)),))
+    whole, less = (fields(ends[1], 0.0, 4.0, one) for one in (PLAN, plan))
+    for legs in range(3):
+        assert less[legs] == pytest.approx(0.25**legs * whole[legs], rel=1e-9)
+
+
+def test_planning_adds_no_jump_where_a_pavement_shows_the_foot_of_a_post(tmp_path) -> None:
+    """The radar moves on by 11 m; where the plan has other mirrors than 1 mm before, both give nearly the same echo.
+
+    The foot of the post makes a corner with the pavement, whose edge is 0.5 m before it: what is seen of the post over
+    the pavement is little, but it is what shines.
+    """
+    post = trimesh.creation.cylinder(0.1, 3.0, sections=48)
+    post.apply_translation([20.0, 0.0, 1.62])
+    things = [
+        Thing("road", plane(60.0, 30.0, (15.0, 0.0, 0.0)), "Roads", "steel", is_object=False),
+        Thing("pavement", box((10.0, 20.0, 0.12), (24.4, 0.0, 0.06)), "SideWalks", "steel", is_object=False),
+        Thing("post", post, "Pole", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    plans: dict[int, ChannelPlan] = {}
+
+    def pose(step: int) -> Pose:
+        return Pose([1e-3 * step, 0.0, 0.9])
+
+    def plan(step: int) -> ChannelPlan:
+        if step not in plans:
+            plans[step] = plan_channel(state, RadarSpec(), pose(step), channel_tolerance_db=3.0, tube_budget=10**9)
+        return plans[step]
+
+    def mirrors(step: int) -> set[int]:
+        return {number for share in plan(step).shares for item in share.reflections for number in item.mirrors}
+
+    def level_db(step: int, one: ChannelPlan) -> float:
+        paths = solve_paths(state, RadarSpec(), pose(step), "hybrid", plan=replace(one, echoes=False))
+        paths = paths.select((paths.instance == 3).any(axis=1))
+        wave = paths.a[:, 0, 0] * np.exp(-2j * np.pi / RADAR.wavelength * paths.length)
+        return float(20.0 * np.log10(abs(wave.sum())))
+
+    changed = 0
+    for low in range(5_000, 16_000, 500):
+        high = low + 500
+        if mirrors(low) == mirrors(high):
+            continue
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (middle, high) if mirrors(middle) == mirrors(low) else (low, middle)
+        changed += 1
+        assert level_db(high, plan(low)) == pytest.approx(level_db(high, plan(high)), abs=0.5)
+    assert changed
 
 
 def test_sharp_ends_are_image_theory(ends) -> None:

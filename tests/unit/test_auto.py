@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from scarl_sionna.radar.channel.compose.budget import Surface, _smooth_share, es
 from scarl_sionna.radar.channel.compose.choose import level_of
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
-from scarl_sionna.radar.channel.compose.reflections import changes, sights
+from scarl_sionna.radar.channel.compose.reflections import WHOLE_SHARE, Sight, changes, sights
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
@@ -340,6 +341,21 @@ def test_change_by_the_ground_is_that_of_image_theory(tmp_path, height: float) -
     straight, bent = (np.sqrt(30.0**2 + 2.0**2 + (height - sign * 0.6) ** 2) for sign in (1.0, -1.0))
     assert change.change_db == pytest.approx(40.0 * np.log10(1.0 + straight / bent), abs=0.03)  # metal loses 0.2 %
     assert not changes(sights(view_of(state, mirrors), [2])[2], mirrors, 29.0)  # too far
+
+
+def test_a_mirror_comes_and_goes_smoothly() -> None:
+    """With what it shows of an object, and with what its field is: steps of a hundredth change the weight by little."""
+
+    def weight(part: float, field: float) -> float:
+        seen = [Sight(0.4, 0.3, 8.0), Sight(part * WHOLE_SHARE, field * 0.3, 8.1)]
+        found = changes(seen, [SimpleNamespace(number=0)], 100.0, 0.5, 3.0)  # type: ignore[list-item]
+        return found[0].weight if found else 0.0
+
+    steps = np.linspace(0.0, 1.2, 121)
+    for some in ([weight(part, 0.8) for part in steps], [weight(25.6, field) for field in steps / 40.0]):
+        assert (some[0], some[-1]) == (0.0, 1.0)
+        rises = np.diff(some)
+        assert rises.min() >= 0.0 and rises.max() < 0.07
 
 
 def test_ways_looked_at_together_show_what_each_shows_alone(tmp_path) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.plan import Reflection
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, OwnershipError, Share, solve_paths
@@ -52,6 +53,19 @@ def test_a_second_owner_is_refused(state, shares, mirrors, name, owners) -> None
 
 def test_a_mirror_may_have_a_rough_part(state) -> None:
     assert resolve(ChannelPlan((Share("raycast"),), ("ground",)), state.world).owned == ((1, 2, 3),)
+
+
+def test_weights_of_reflections_are_resolved_and_checked(state) -> None:
+    over = Reflection(("van", 3), ("ground",), ((0.25,), (1.0,)))
+    (seen,) = resolve(
+        ChannelPlan((Share("sbr", ("Car",), reflections=(over,)),), ("ground",)), state.world
+    ).reflections[0]
+    assert seen == ((2, 3), (1,), {(2, 1): 0.25})
+    assert over.only({3}) == Reflection((3,), ("ground",), ((1.0,),)) and Reflection(**over.to_dict()) == over
+    with pytest.raises(ParameterRangeError, match="2 rows of 1"):
+        Reflection(("van", 3), ("ground",), ((0.25,),))
+    with pytest.raises(ParameterRangeError, match="0 to 1"):
+        Reflection(("van",), ("ground",), ((1.5,),))
 
 
 def test_bad_plans_are_refused(state) -> None:

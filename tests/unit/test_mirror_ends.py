@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.special import fresnel
 
 from scarl_sionna.core.errors import ScarlError
@@ -94,6 +95,43 @@ def test_two_tiles_have_the_ends_of_one(tmp_path) -> None:
     assert both[owner, np.arange(len(point))][on] == pytest.approx(expected[on], abs=2e-3)
     assert both[:, ~on].sum(axis=0) == pytest.approx(expected[~on], abs=2e-3)
     assert (both[:, ~on] == 0.0).any(axis=0).all()
+
+
+def test_a_weight_does_not_depend_on_what_else_is_asked_for(tmp_path) -> None:
+    """A pavement with a notch, and kerb stones along its side, too narrow for mirrors: over them the plane goes on.
+
+    Asked for alone, a point over a stone has no end near it; together with one beside the notch, beyond whose line it
+    is, too, it has to have the same weight.
+    """
+    sizes = [((10.0, 3.0, 0.2), (5.0, -0.5, -0.1)), *(((4.0, 1.0, 0.2), (x, 1.5, -0.1)) for x in (2.0, 8.0))]
+    pavement = trimesh.util.concatenate([box(*one) for one in sizes])
+    stones = trimesh.util.concatenate([box((4.0, 0.06, 0.2), (x, 2.03, -0.1)) for x in (2.0, 8.0)])
+    things = [
+        Thing(name, mesh, "SideWalks", "steel", is_object=False) for name, mesh in (("a", pavement), ("b", stones))
+    ]
+    ends = ends_of(tmp_path, things)
+    assert len(ends.mirrors) == 1
+    assert not free_at(ends, np.array([2.3, 2.0, 0.0])) and free_at(ends, np.array([5.3, 1.0, 0.0]))
+    point = np.array([(2.0, 2.02, 0.0), (5.0, 1.03, 0.0), (5.0, 0.95, 0.0), (9.0, 2.05, 0.0), (5.0, 1.3, 0.0)])
+    at = Reflections(np.zeros(5, np.int64), point, np.tile([0.6, 0.0, -0.8], (5, 1)), np.full(5, 0.2))
+    together = ends.weight(at)
+    assert together == pytest.approx(np.concatenate([ends.weight(at.take(np.array([k]))) for k in range(5)]), abs=1e-12)
+    assert abs(together[[0, 3]] - 1.0).max() < 0.1 and abs(together[4]) < 0.1
+
+
+@pytest.mark.parametrize(("bend", "free"), [(0.01, False), (0.04, True)])
+def test_a_gentle_bend_is_no_end(tmp_path, bend: float, free: bool) -> None:
+    """A road that goes on downhill: up to 20 mrad as one surface, beyond that it ends at the crest."""
+    downhill = plane(
+        10.0, 4.0, (10.0 + 5.0 * np.cos(bend), 0.0, -5.0 * np.sin(bend)), (np.sin(bend), 0.0, np.cos(bend))
+    )
+    things = [
+        Thing("road", plane(10.0, 4.0, (5.0, 0.0, 0.0)), "Roads", "steel", is_object=False),
+        Thing("downhill", downhill, "Roads", "steel", is_object=False),
+    ]
+    ends = ends_of(tmp_path, things)
+    assert free_at(ends, np.array([10.0, 0.3, 0.0])) == free
+    assert free_at(ends, np.array([5.0, 2.0, 0.0]))
 
 
 def test_a_reach_below_nothing_is_refused() -> None:

@@ -50,9 +50,9 @@ looked at in vain costs some tubes."""
 WHOLE_SHARE = 1.0 / 64.0
 """A mirror that shows less than this share of an object's faces counts by less than its field, one that shows less than
 a quarter of it not at all: so it comes and goes smoothly, though few probes see it. docs/accuracy.md, jumps."""
-CLOSER = 8
-"""Where few probes meet an object over a mirror, so many times as many look again: one of them more or less then changes
-a field by at most a sixteenth."""
+CLOSER = 16
+"""Where few probes meet an object over a mirror, so many times as many look again: one of them more or less then
+changes a field by at most a thirtieth."""
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,8 @@ ONE_PLANE = 0.005
 """Mirrors whose normals differ by less may lie in one plane [rad]."""
 GENTLE = 0.02
 """Surfaces that bend by less than this at an edge go on: facets of 3 m of a wall in a bend of 150 m [rad]."""
+_NOT_BEYOND = -1
+"""Of a point that is beyond no free edge."""
 _TOGETHER = 128
 """Points that are compared with pieces of outlines together, more where these are few."""
 _COMPARED = 1 << 14
@@ -255,8 +257,8 @@ class MirrorEnds:
     def weight(self, at: Reflections) -> Complex:
         """Return the field of reflections over that of mirrors without end, shape (num_points,).
 
-        Each point is taken to be on its mirror, or beyond a free edge of it: there its field belongs to the mirror
-        whose edge is the nearest.
+        Each point is taken to be on its mirror, or what lies in its plane beside it, unless a free edge is the nearest
+        and the point beyond it: there its field belongs to the mirror whose edge that is.
         """
         found = np.ones(len(at.mirror), dtype=np.complex128)
         for number, rows, some, near in self._pieces_near(at):
@@ -410,22 +412,27 @@ class MirrorEnds:
         return start, end
 
     def _weight(self, number: int, near: Outline, at: Reflections) -> Complex:
-        free = near.take(near.free)
-        term, height, distance = edge_terms(*self._seen(number, free, at), self.knobs.end_reach)
-        total = 1.0 - term.sum(axis=1)
-        own = free.owner == number
-        behind = np.flatnonzero(((height < 0.0) & (distance < self.knobs.end_reach))[:, own].any(axis=1))
-        if not len(behind):
-            return np.asarray(total)
-        some, mine = at.take(behind), near.take(near.owner == number)
-        side, away = edge_distances(*self._seen(number, mine, some))
+        term, height, _ = edge_terms(*self._seen(number, near.take(near.free), at), self.knobs.end_reach)
+        total = np.asarray(1.0 - term.sum(axis=1))
+        behind = np.flatnonzero((height < 0.0).any(axis=1))
+        if len(behind):
+            some = at.take(behind)
+            owner, away = self._beyond(number, near, some)
+            lost = np.flatnonzero(away >= self.knobs.end_reach)  # what is nearest may not be among those near
+            if len(lost):
+                owner[lost], _ = self._beyond(number, self._outline(number), some.take(lost))
+            total[behind] = np.where(
+                owner == _NOT_BEYOND, total[behind], np.where(owner == number, total[behind] - 1.0, 0.0)
+            )
+        return total
+
+    def _beyond(self, number: int, pieces: Outline, at: Reflections) -> tuple[Index, Array]:
+        """Return the mirror beyond whose free edge each point is, if the nearest piece is such; and how far that is."""
+        side, away = edge_distances(*self._seen(number, pieces, at))
         nearest = (away - 1e-6 * np.abs(side)).argmin(axis=1)  # of two that meet there the one that turns its side
-        line = np.arange(len(behind))
-        beyond = side[line, nearest] < 0.0
-        others = np.where(own, np.inf, distance[behind]).min(axis=1, initial=np.inf)
-        belongs = mine.free[nearest] & (away[line, nearest] <= others)
-        total[behind] = np.where(beyond, np.where(belongs, total[behind] - 1.0, 0.0), total[behind])
-        return np.asarray(total)
+        line = np.arange(len(nearest))
+        beyond = (side[line, nearest] < 0.0) & pieces.free[nearest]
+        return np.where(beyond, pieces.owner[nearest], _NOT_BEYOND), away[line, nearest]
 
 
 _standing: WeakKeyDictionary[World, dict[tuple[int, int], Outline]] = WeakKeyDictionary()
