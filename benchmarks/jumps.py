@@ -7,9 +7,11 @@
 The radar moves 1 m ahead in steps of 1 mm, and the scene runs for 1 s in steps of 1 ms. As long as the plan stays, the
 echo moves as that of the reference. Where the plan changes, the same state is solved by the plan before and by the
 plan after: what an object's echo differs by is the jump that the planning adds, whatever the scene does meanwhile.
-Changes of plan are found on a grid of `GRID` steps and brought to one step by halving: one that is undone within them
-is not seen. Within a plan, echoes before and after single steps are compared at `PAIRS` random places of each move;
-what they differ by is the reference's own change and the solver's noise together.
+A plan changes if an object has another solver or is seen over other mirrors. That is found on a grid of `GRID` steps
+and brought to one step by halving: one that is undone within them is not seen. Where weights of mirrors differ between
+two points of the grid, the step in which they change most is sought, too. Within a plan, echoes before and after single
+steps are compared at `PAIRS` random places of each move; what they differ by is the reference's own change and the
+solver's noise together.
 """
 
 from __future__ import annotations
@@ -44,6 +46,8 @@ STEPS, GRID = 1000, 50
 REACH = 30.0
 TOLERANCE = 3.0
 PAIRS = 1
+WEIGHT_STEP = 0.02
+"""Weights that differ by less between two steps are not looked at: 0.35 dB of an echo that is all over mirrors."""
 COUNTED_DB = 10.0
 """Objects this far over the noise of a cell are counted."""
 
@@ -79,6 +83,19 @@ def signature(plan: ChannelPlan) -> dict[int, tuple[str, tuple[int, ...]]]:
         for number in share.instances:
             found[int(number)] = (share.solver, over.get(int(number), ()))
     return found
+
+
+def moved(before: ChannelPlan, after: ChannelPlan) -> dict[int, float]:
+    """Return by how much weights of mirrors differ between two plans, at most, for each instance that has some."""
+    both: list[dict[tuple[int, int], float]] = [{}, {}]
+    for found, plan in zip(both, (before, after), strict=True):
+        for item in (item for share in plan.shares for item in share.reflections):
+            for number, row in zip(item.instances, item.weights, strict=True):
+                found |= {(int(number), int(at)): weight for at, weight in zip(item.mirrors, row, strict=True)}
+    most: dict[int, float] = {}
+    for key in both[0].keys() | both[1].keys():
+        most[key[0]] = max(most.get(key[0], 0.0), abs(both[0].get(key, 0.0) - both[1].get(key, 0.0)))
+    return most
 
 
 def only(plan: ChannelPlan, numbers: list[int]) -> ChannelPlan:
@@ -117,12 +134,28 @@ class Walk:
         middle = (low + high) // 2
         return self.changes(low, middle) + self.changes(middle, high)
 
+    def steepest(self, low: int, high: int) -> list[int]:
+        """Return the step between two in which weights change most, by halving, if it is by more than `WEIGHT_STEP`."""
+        while max(moved(self.plan(low), self.plan(high)).values(), default=0.0) > WEIGHT_STEP:
+            if high - low == 1:
+                return [high]
+            middle = (low + high) // 2
+            first, last = (moved(self.plan(at), self.plan(middle)) for at in (low, high))
+            is_first = max(first.values(), default=0.0) > max(last.values(), default=0.0)
+            low, high = (low, middle) if is_first else (middle, high)
+        return []
+
     def jump(self, step: int) -> list[dict[str, Any]]:
         """Return what echoes differ by between the plan before a step and that after it, in the state after it."""
         before, after = self.plan(step - 1), self.plan(step)
         old, new = signature(before), signature(after)
         state, mount = self.at(step)
-        changed = sorted(number for number in new if new[number] != old.get(number, ("none", ())))
+        most = moved(before, after)
+        changed = sorted(
+            number
+            for number in new
+            if new[number] != old.get(number, ("none", ())) or most.get(number, 0.0) > WEIGHT_STEP
+        )
         both = [
             echoes(
                 solve_paths(state, RADAR, mount, "hybrid", plan=only(plan, changed), max_distance=REACH, **ANY_COST),
@@ -169,8 +202,9 @@ def solve(seed: int, budget: int) -> dict[str, Any]:
     for name, at in moves(seed).items():
         walk, start = Walk(at, budget), time.process_time()
         marks = list(range(0, STEPS, GRID)) + [STEPS]
-        steps = [step for low, high in pairwise(marks) for step in walk.changes(low, high)]
-        found = [{"step": step, "objects": walk.jump(step)} for step in steps]
+        steps = {step for low, high in pairwise(marks) for step in walk.changes(low, high)}
+        steps |= {step for low, high in pairwise(marks) for step in walk.steepest(low, high)}
+        found = [{"step": step, "objects": walk.jump(step)} for step in sorted(steps)]
         rng = np.random.default_rng([3, seed])
         within = [value for step in rng.integers(0, STEPS, PAIRS) for value in walk.step_db(int(step))]
         seconds = round(time.process_time() - start)
