@@ -240,8 +240,8 @@ class AutoSettings(Spec):
         0.5,
         ge=0.0,
         description="reflections that can change an object by more than this, by image theory with the part of it that "
-        "they show, are computed also where the tolerance is coarser: a body may turn a flash to the mirror and none to "
-        "the radar [dB]; docs/accuracy.md, what `auto` does",
+        "they show, are computed also where the tolerance is coarser: a body may turn a flash to the mirror and none "
+        "to the radar [dB]; docs/accuracy.md, what `auto` does",
     )
     smallest_mirror: Metres = Field(1.0, ge=0.0, description="narrower faces are no mirrors [m]; not charted")
 
