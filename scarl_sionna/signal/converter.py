@@ -9,6 +9,9 @@ import scipy.fft
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
 
+_TOGETHER = 1 << 15
+"""Samples that are converted in one piece: what the processor's cache holds, changes no result."""
+
 
 def step_size(radar: RadarSpec) -> float:
     """Return the value of one converter step [sqrt(W)]: a tone of full-scale power just reaches the largest code.
@@ -94,19 +97,33 @@ def quantize(
     ----------
     .. [1] W. R. Bennett, "Spectra of quantized signals", Bell Syst. Tech. J. 27(3), 1948.
     """
-    scale = step_size(radar)
-    highest = 2 ** (radar.adc.bits - 1) - 1
+    signal = np.ascontiguousarray(adc, dtype=np.complex64)
+    rows = signal.reshape(int(np.prod(signal.shape[:-1])), signal.shape[-1])
+    codes, highest = np.empty((*rows.shape, 2), dtype=np.int16), 2 ** (radar.adc.bits - 1) - 1
+    together, num_saturated = max(1, _TOGETHER // max(1, rows.shape[1])), 0
+    for first in range(0, len(rows), together):
+        block = slice(first, first + together)
+        steps = _steps(rows[block], radar, rng)
+        clipped = np.clip(steps, -highest - 1, highest)
+        codes[block] = clipped
+        num_saturated += int(np.count_nonzero(clipped != steps))
+    return codes.reshape(*signal.shape, 2), step_size(radar), num_saturated
+
+
+def _steps(
+    rows: npt.NDArray[np.complex64], radar: RadarSpec, rng: np.random.Generator | None
+) -> npt.NDArray[np.float64]:
+    """Return I and Q of rows of samples in whole steps, not clipped, shape (num_rows, num_samples, 2)."""
     # float64: scaled float32 could round 32767.4999 up and count it as clipped
-    values = np.ascontiguousarray(adc, dtype=np.complex64)[..., None].view(np.float32).astype(np.float64)
+    values = rows[..., None].view(np.float32).astype(np.float64)
     extra = converter_noise_power(radar) if rng is not None else 0.0
     if rng is not None and extra > 0.0:
         values += rng.normal(0.0, np.sqrt(0.5 * extra), values.shape)
     if radar.adc.response:
         gain = decimation(radar, np.arange(values.shape[-2]) / values.shape[-2])
-        rows = scipy.fft.ifft(scipy.fft.fft(values.view(np.complex128)[..., 0], axis=-1) * gain, axis=-1)
-        values = np.ascontiguousarray(rows)[..., None].view(np.float64)
-    steps = np.rint(bow(values / scale, radar))
+        shaped = scipy.fft.ifft(scipy.fft.fft(values.view(np.complex128)[..., 0], axis=-1) * gain, axis=-1)
+        values = np.ascontiguousarray(shaped)[..., None].view(np.float64)
+    steps = np.rint(bow(values / step_size(radar), radar))
     if radar.adc.is_real:
         steps[..., 1] = 0.0
-    codes = np.clip(steps, -highest - 1, highest)
-    return codes.astype(np.int16), scale, int(np.count_nonzero(codes != steps))
+    return steps

@@ -14,7 +14,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import range_doppler_angle, uniform_line
-from scarl_sionna.signal.converter import quantize
+from scarl_sionna.signal.converter import _TOGETHER, quantize
 from scarl_sionna.signal.detection import detect
 from scarl_sionna.signal.noise import add_noise
 from scarl_sionna.signal.peaks import tone_offset
@@ -94,6 +94,22 @@ def test_quantize_full_scale_and_saturation():
     assert scale * 32767 == pytest.approx(peak)
     codes, _, saturated = quantize(np.array([2 * peak + 3j * peak], dtype=np.complex64), SMALL)
     assert codes.tolist() == [[32767, 32767]] and saturated == 2
+
+
+def test_a_signal_is_converted_as_its_rows_one_after_the_other():
+    """More rows than are converted in one piece; noise and decimation of the converter included, one row clipped."""
+    radar = SMALL.with_(adc=SMALL.adc.model_copy(update={"enob": 8.0, "response": ((0.0, 0.0), (0.5, -6.0))}))
+    peak = np.sqrt(1e-3 * 10 ** (SMALL.adc.full_scale_dbm / 10))
+    rng = np.random.default_rng(5)
+    adc = (peak * rng.uniform(-0.5, 0.5, (2, 650, 64, 2))).astype(np.float32).view(np.complex64)[..., 0]
+    adc[1, 640] *= 5.0
+    assert adc[0].size > _TOGETHER
+    whole, alone = np.random.default_rng(6), np.random.default_rng(6)
+    codes, scale, saturated = quantize(adc, radar, whole)
+    rows = [quantize(row, radar, alone) for row in adc.reshape(-1, 64)]
+    np.testing.assert_array_equal(codes, np.reshape([row[0] for row in rows], (2, 650, 64, 2)))
+    assert saturated == sum(row[2] for row in rows) > 0 and scale == rows[0][1]
+    assert quantize(adc[:, :0], radar)[0].shape == (2, 0, 64, 2)
 
 
 @pytest.mark.parametrize("name", ["rect", "hann", "hamming", "blackman", "blackmanharris", "chebyshev", "taylor", None])
