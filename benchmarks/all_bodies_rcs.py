@@ -27,9 +27,9 @@ from benchmarks.measured_rcs import AGES, BELGIOVANE, JRC, SCHUBERT, VEHICLES
 Array = npt.NDArray[np.float64]
 SECTORS = np.arange(0.0, 181.0, 30.0)
 """Edges of the sectors of aspect, 0: front [deg]."""
-COLORS = (-20.0, 35.0)
+COLORS = (-20.0, 25.0)
 """Ends of the scale [dBsm]."""
-CARS = ("car_dBsm", "car_abadpour_left_dBsm", "car_abadpour_right_dBsm")
+MEASURED_CARS = ("car_dBsm", "car_abadpour_left_dBsm", "car_abadpour_right_dBsm")
 SOURCES = {
     "car_dBsm": "car, Wengerter's table", "car_abadpour_left_dBsm": "car, KIT, left side",
     "car_abadpour_right_dBsm": "car, KIT, right side", "bicyclist_dBsm": "cyclist, Wengerter's table",
@@ -101,10 +101,9 @@ def lines(rows: Any) -> list[Line]:
         "bicycle": spans(cyclists), "cargo_bike": spans(cyclists), "motorcycle": spans([held["motorbike_geary_dBsm"]]),
     }  # fmt: skip # a table
     found += [body(rows, model, **riders.get(model, {})) for model in runs.TWO_WHEELERS]
-    cars = spans([held[key] for key in CARS])
-    small = VEHICLES[:5]
+    cars = spans([held[key] for key in MEASURED_CARS])
     found += [*cyclists, held["motorbike_geary_dBsm"]]
-    found += [body(rows, model, **cars) for model in small] + [held[key] for key in CARS]
+    found += [body(rows, model, **cars) for model in runs.CARS] + [held[key] for key in MEASURED_CARS]
     return found + [body(rows, model) for model in VEHICLES[5:]]
 
 
@@ -126,7 +125,7 @@ def draw(all_lines: list[Line]) -> None:
     image = left.imshow(table, aspect="auto", extent=extent, vmin=COLORS[0], vmax=COLORS[1], cmap="viridis")
     for number, one in enumerate(all_lines):
         for middle, value in zip(0.5 * (SECTORS[:-1] + SECTORS[1:]), table[number], strict=True):
-            dark = "k" if value > 12.0 else "w"
+            dark = "k" if value > 8.0 else "w"
             left.text(middle, number, "" if np.isnan(value) else f"{value:.0f}", color=dark, ha="center", va="center",
                       fontsize=6)  # fmt: skip # one text
         if one.span is not None:
@@ -146,23 +145,23 @@ def draw(all_lines: list[Line]) -> None:
     right.plot([], [], "C3", label="the same of what was measured")
     right.fill_between([], [], color="C3", alpha=0.35, lw=0, label="measured means (people) or medians over aspect")
     right.fill_between([], [], color="C3", alpha=0.12, lw=0, label="measured span over aspect")
-    right.set(xlim=(-30.0, 45.0), xlabel="RCS at 77 GHz [dBsm]", title="all looks")
+    right.set(xlim=(-30.0, 55.0), xlabel="RCS at 77 GHz [dBsm]", title="all looks")
     right.grid(alpha=0.3)
-    right.legend(fontsize=7, loc="upper right")
+    right.legend(fontsize=6.5, loc="center right")
     figure.colorbar(image, ax=left, location="bottom", shrink=0.8, pad=0.01)
     figure.savefig(runs.ROOT / "docs/figures/rcs_all_bodies.webp", dpi=90, pil_kwargs={"quality": 60, "method": 6})
 
 
 def print_table(all_lines: list[Line]) -> None:
-    """Print the levels of every body, and what was measured of its kind."""
+    """Print the levels of every body, and what was measured of its kind; people of all ages have a table of theirs."""
     print("| body | looks | 10 % | median | 90 % | mean of powers | median 10 deg and more off the axes | measured |")
     print("|---|---|---|---|---|---|---|---|")
     for one in all_lines:
-        if one.measured:
+        if one.measured or one.name in AGES:
             continue
         low, median, high = np.percentile(one.level, [10, 50, 90])
         off = np.median(one.level[np.abs((one.aspect + 45.0) % 90.0 - 45.0) > 10.0])
-        beside = "-" if one.means is None else f"{one.means[0]:.1f} to {one.means[1]:.1f}"
+        beside = "-" if one.means is None else " to ".join(f"{value:.1f}" for value in sorted({*one.means}))
         values = f"{low:.1f} | **{median:.1f}** | {high:.1f} | {runs.mean_of(one.level):.1f} | {off:.1f}"
         print(f"| `{one.name}` | {len(one.level)} | {values} | {beside} |")
 

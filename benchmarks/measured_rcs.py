@@ -8,7 +8,8 @@ People are looked at as in the JRC's measurement: 3.4 m away, the antenna 0.8 m 
 `sbr` in an empty world. Each has 16 looks, one in each equal sector of azimuth, at directions of its own, so that the
 mean of a group does not hang on the same few: the 32 stand in 8 and walk in 8, at the light level; four models stand in
 16, in detail and light, and so do others on foot, light. Two-wheelers at 10 m over 36 azimuths, vehicles in the far
-field (`ss.rcs`) from slightly below the middle, the saloon in detail over 72, others light over 36.
+field (`ss.rcs`) from slightly below the middle, the saloon in detail over 72, others light, cars over 18, others over
+36.
 """
 
 from __future__ import annotations
@@ -66,6 +67,7 @@ CYCLE = (0.0, 0.25, 0.5, 0.75)
 PEOPLE = ("adult_man", "adult_woman", "standing_adult", "child")
 ON_FOOT = ("standing_child", "sitting_man", "waving_woman", "wheelchair", "pram", "dog")
 TWO_WHEELERS = ("bicycle", "cargo_bike", "scooter", "motorcycle")
+CARS = VEHICLES[:5]
 AGES = person_ages()
 
 
@@ -160,7 +162,7 @@ def cyclist(model: str, folder: Path) -> list[Any]:
 
 def vehicle(model: str) -> list[Any]:
     """Return the far field of a vehicle, VV."""
-    detail, count = ("detailed", 72) if model == "saloon" else ("light", 36)
+    detail, count = ("detailed", 72) if model == "saloon" else ("light", 18 if model in CARS else 36)
     actor = ss.StagedActor("it", model, StaticTrajectory(Pose()), detail=detail)
     body, phi = load_body(actor_parts(ss.stage("highway_guardrail", [actor]), "it")), azimuths(count)
     start = time.process_time()

@@ -14,10 +14,12 @@ from .body_loft import BodyShape, loft, side_panel
 from .bus_inside import Opening, Saloon, inside, opened
 from .cars.interior import Seat
 from .number_plates import NumberPlates
-from .vehicle_parts import bar, prism
+from .vehicle_parts import bar, prism, tray
 from .wheels import WheelShape, wheel_parts
 
 Span = tuple[float, float]
+SLOPE = 0.3
+"""Of the sides of what hangs underneath: upright ones would make corners."""
 
 
 @dataclass(frozen=True)
@@ -319,8 +321,12 @@ def underbody(shape: BusShape, fine: bool) -> Mesh:
     The axles stay at the light level: with the inner walls of the wheel houses they are corners that carry most of a
     bus's echo.
     """
-    floor = box((9.0, 1.06, 0.03), (0.3, 0.0, 0.278))
-    parts = [floor, box((1.4, 1.6, 0.10), (-4.6, 0.0, 0.255)), box((1.0, 0.9, 0.12), (-3.9, 0.0, 0.245))]
+    floor = tray((9.0, 1.06, 0.03), (0.3, 0.0, 0.278), SLOPE)
+    parts = [
+        floor,
+        tray((1.4, 1.6, 0.10), (-4.6, 0.0, 0.255), SLOPE),
+        tray((1.0, 0.9, 0.12), (-3.9, 0.0, 0.245), SLOPE),
+    ]
     for x in (shape.front_axle, shape.rear_axle):
         parts.append(bar((x, -0.86, 0.40), (x, 0.86, 0.40), 0.09, 10))
     if not fine:
