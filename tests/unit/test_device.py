@@ -12,6 +12,7 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.engine.device import ALIGNMENT, device
+from scarl_sionna.engine.rays.face_rays import StateRays
 from tests.kernels import kernels
 
 COUNT = 1000
@@ -60,6 +61,17 @@ def test_one_kernel_however_many_rays_are_cast() -> None:
             directions = np.random.default_rng(count).normal(size=(count, 3))
             state.cast(np.array([0.0, 0.0, 1.0]), directions / np.linalg.norm(directions, axis=1, keepdims=True))
         assert len(found()) == 1
+
+
+@pytest.mark.parametrize("active", [True, False])
+def test_no_ray_is_blocked_on_no_way_at_all(active: bool) -> None:
+    """Of a ray with a distance below 0 the engine says that it is blocked, whatever is there and active or not."""
+    state = ss.load_scene("floor_wall").at(0.0)
+    with device() as on:
+        rays = StateRays(on.mi, state)
+        origin, down = (on.vectors(np.tile([0.0, 0.0, height], (4, 1))) for height in (1.0, -1.0))
+        found = rays.blocked(origin, down, on.reals([-1.0, 0.0, 0.5, 2.0]), on.mask([active] * 4))
+        assert found.numpy().tolist() == [False, False, False, active]
 
 
 AT_THE_EDGE = """

@@ -119,7 +119,7 @@ class FaceRays(Device, ABC):
         """Return whether each active ray meets anything, before a distance in the frame of the rays if one is given."""
         ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
         if distance is not None:
-            ray.maxt = self.mi.Float(distance)
+            ray.maxt = self.mi.Float(self.dr.maximum(distance, 0.0))  # below 0 is the engine's mark of what is blocked
         return self._scene.ray_test(ray, coherent=False, active=active)
 
 
