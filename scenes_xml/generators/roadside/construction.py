@@ -58,7 +58,8 @@ def scaffolding(width: float, height: float, depth: float = 0.75, is_light: bool
     x = np.linspace(-0.5 * width, 0.5 * width, bays + 1)
     levels = np.arange(2.0, height, 2.0)
     front, rear, sides = -depth - 0.2, -0.2, 4 if is_light else 8
-    bars = [tube(np.array([(px, y, 0.0), (px, y, height + 0.6)]), 0.024, sides) for px in x for y in (front, rear)]
+    foot = -0.01  # below what it stands on, in whose plane its ends would lie
+    bars = [tube(np.array([(px, y, foot), (px, y, height + 0.6)]), 0.024, sides) for px in x for y in (front, rear)]
     decks = []
     for number, z in enumerate(levels):
         decks.append(box((width, depth - 0.06, 0.05), (0.0, 0.5 * (front + rear), z)))
