@@ -22,8 +22,8 @@ HALF = 0.002
 """Half of the time between two boxes whose difference is a velocity [s]: a jerk of 100 m/s^3 makes 7e-5 m/s of it."""
 APART = 0.01
 """Largest difference allowed between a label's velocity and its box's [m/s]; the bar is 0.1 m/s."""
-BEYOND = 0.03
-"""How far a limb may be beyond the box of its track [m]: in bends."""
+BEYOND = 0.06
+"""How far a limb may be beyond the box of its track [m]: in bends, most where people turn on to a crossing (0.051)."""
 AT_KERBS = np.array([0.16 + BEYOND, BEYOND, 0.09])
 """The same of who crosses a kerb of 12 cm: the step before it is longer, by up to 0.16 m in these scenarios, and the
 feet are up to half of the kerb above and below the middle of the body's own way, which is smooth."""
