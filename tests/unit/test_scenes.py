@@ -212,7 +212,7 @@ def cache_root(tmp_path_factory):
 @pytest.mark.parametrize("name", SCENES, scope="module")
 def test_the_light_level_has_fewer_shapes_and_triangles(name, cache_root):
     light, detailed = _triangles(scene_path(name, 0, "light")), _triangles(scene_path(name))
-    assert light[0] < 150  # trees have leaf cards and a core: 141 in the suburban street, at most 119 elsewhere
+    assert light[0] < (150 if name == "suburban_street" else 120)  # its many trees have leaf cards and a core: 141
     assert light[0] < 0.6 * detailed[0] and light[1] < 0.5 * detailed[1]
 
 
