@@ -11,9 +11,10 @@ once a chain of faces is known, at the exact reflection points (:mod:`.near_fiel
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,11 +27,13 @@ from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 
 from .faces.panes import DARK, MOST_PANES, Panes
 from .patches import PatchSize, split, too_many_patches
+from .tubes.cutting import Cut, Landing, Seen
 from .tubes.narrow import NarrowBodies
-from .tubes.probes import SAME_DISTANCE, CentralRays, FieldOfView, PlaneProbe, Probe, ScreenedProbe, Window
-from .tubes.refine import Pieces, refined
-from .tubes.returning import Return
-from .tubes.trace import GRAZING, Tubes, depth_first, face_of_plane, landing
+from .tubes.probes import SAME_DISTANCE
+from .tubes.returning import ComingBack, Return
+from .tubes.screens import FieldOfView, Screen, Window
+from .tubes.together import Question, Tracing, together
+from .tubes.trace import GRAZING, Tubes, face_of_plane, landing
 from .tubes.tube_shape import middle
 
 Array = npt.NDArray[np.float64]
@@ -237,7 +240,16 @@ class Tracer:
     count: Counter[int] = field(default_factory=Counter)
 
     def bounces(self, face: Index, starts: Iterable[ImageTubes] | None = None) -> Iterator[ImageTubes]:
+        """Yield what :meth:`tracing` finds, alone."""
+        for _, found in together([self.tracing(face, starts)], self.settings.max_tubes):
+            if found is not None:
+                yield found
+
+    def tracing(self, face: Index, starts: Iterable[ImageTubes] | None = None) -> Tracing[ImageTubes]:
         """Yield the footprints that the receiver sees, bounce after bounce, of tubes that start on some faces.
+
+        The last batch that was found goes first, so that few wait at a time. What is asked of the rays is yielded, too,
+        see :func:`.together`.
 
         Parameters
         ----------
@@ -246,17 +258,15 @@ class Tracer:
         starts : iterable of ImageTubes, optional
             The first tubes; all of `face` if left out.
         """
-        of_plane = face_of_plane(self.faces.plane)
-        plane_of_face = np.where(self.chosen, self.faces.plane, MISS)
-
-        def go_on(arrival: Arrival) -> list[ImageTubes]:
-            if not len(arrival.lit):
-                return []
-            return self._next(arrival.lit, of_plane, plane_of_face).batches(self.settings.max_tubes)
-
-        first = self._starts(face) if starts is None else starts
-        for arrival in depth_first(first, self._arrive, go_on, self.settings.max_depth):
-            yield from self._for_motion(arrival.seen)
+        for start in self._starts(face) if starts is None else starts:
+            stack = [(1, start)]
+            while stack:
+                depth, tubes = stack.pop()
+                arrival = yield from self._arrive(depth, tubes)
+                yield from self._for_motion(arrival.seen)
+                if depth < self.settings.max_depth and len(arrival.lit):
+                    following = yield from self._next(arrival.lit)
+                    stack += [(depth + 1, batch) for batch in following.batches(self.settings.max_tubes)]
 
     def first_tubes(self, face: Index) -> StartFaces:
         """Return into what faces are cut first, and about how many first tubes that makes.
@@ -301,16 +311,15 @@ class Tracer:
         stands_for = float(place[-1] * np.mean(made / starts.pieces[coarse]) / count)
         return self._first(fine[rows], starts.face[coarse], coarse, number), stands_for
 
-    def _arrive(self, depth: int, tubes: ImageTubes) -> Iterator[Arrival]:
+    def _arrive(self, depth: int, tubes: ImageTubes) -> Generator[Question, Any, Arrival]:
         self.count[depth] += len(tubes)
         if depth > 1:
-            yield Arrival(tubes, self._seen(self._watched(self._cut(self._turned_back(tubes))), self.rx, "way_out"))
-            return
-        lit = self._seen(tubes, self.tx, "way_in")
+            seen = yield from self._seen(self._watched(self._cut(self._turned_back(tubes))), self.rx, (depth, 1))
+            return Arrival(tubes, seen)
+        lit = yield from self._seen(tubes, self.tx, (depth, 0))
         if self.rx is self.tx:
-            yield Arrival(lit, replace(lit, way_out=lit.way_in))
-        else:
-            yield Arrival(lit, self._seen(self._watched(self._in_front(lit)), self.rx, "way_out"))
+            return Arrival(lit, replace(lit, way_out=lit.way_in))
+        return Arrival(lit, (yield from self._seen(self._watched(self._in_front(lit)), self.rx, (depth, 1))))
 
     def _starts(self, face: Index) -> Iterator[ImageTubes]:
         """Yield the patches of faces that are in the transmitter's view, some batch of them at a time."""
@@ -382,11 +391,6 @@ class Tracer:
     def _watched(self, tubes: ImageTubes) -> ImageTubes:
         return tubes.take(np.flatnonzero(self.rx.touches(tubes.corners)))
 
-    def _labelled(self, tubes: ImageTubes, source: Array, probe: Probe) -> Pieces:
-        """Return pieces of footprints, each with what its rays meet."""
-        wide, fine = self._spacings(tubes, source)
-        return refined(tubes.corners, np.arange(len(tubes)), probe, wide, fine, self.settings)
-
     def _spacings(self, tubes: ImageTubes, source: Array) -> tuple[Array, Array]:
         """Return the largest distance of the rays of footprints, and the size down to which they are halved [m]."""
         ray = middle(tubes.corners) - source
@@ -401,13 +405,20 @@ class Tracer:
             wide = self.narrow.spacing(self.rays, tubes.corners, source, wide)
         return wide, np.where(grazing, np.inf, fine)
 
-    def _seen(self, tubes: ImageTubes, station: Viewpoint, way: str) -> ImageTubes:
-        """Return the parts of footprints from which a station can be seen, through panes or not, with that column."""
+    def _seen(
+        self, tubes: ImageTubes, station: Viewpoint, place: tuple[int, int]
+    ) -> Generator[Question, Any, ImageTubes]:
+        """Return the parts of footprints from which a station can be seen, through panes or not, with that column.
+
+        At the first of the places of a bounce the column is that of the way in.
+        """
         if not len(tubes):
             return tubes
         start = station.pose.position
-        probe = ScreenedProbe(self.rays, start, station.window, self.panes, tubes.face[:, -1], station.view)
-        corners, rows, dark = self._labelled(tubes, station.pose.position, probe)
+        wide, fine = self._spacings(tubes, start)
+        screen = Screen(start, station.window, station.view)
+        target = Seen(self.rays, screen, tubes.face[:, -1], self.panes)
+        corners, rows, dark = yield Cut(place, tubes.corners, wide, fine, target, self.settings)
         lit = dark != DARK
         found = tubes.take(rows[lit], corners[lit])
         behind = np.flatnonzero(dark[lit] > DARK)
@@ -417,7 +428,7 @@ class Tracer:
         center = middle(found.corners[behind])
         first = start if station.window is None else station.window.entry(start, center)
         faces[behind] = self.panes.crossed(first, center, 1.0 - SAME_DISTANCE)
-        return replace(found, **{way: faces})
+        return replace(found, way_in=faces) if place[1] == 0 else replace(found, way_out=faces)
 
     def _in_front(self, tubes: ImageTubes) -> ImageTubes:
         """Return the footprints whose lit side is turned to the receiver."""
@@ -436,13 +447,17 @@ class Tracer:
         return tubes.take(np.flatnonzero(self._return.of_footprints(middle(tubes.corners), tubes.image[:, -1], last)))
 
     @cached_property
+    def _of_plane(self) -> Index:
+        return face_of_plane(self.faces.plane)
+
+    @cached_property
     def _return(self) -> Return | None:
         angle = self.settings.return_angle
         if angle is None:
             return None
         return Return(self.rays, self.faces, self.chosen, self.rx.pose.position, angle)
 
-    def _next(self, tubes: ImageTubes, of_plane: Index, plane_of_face: Index) -> ImageTubes:
+    def _next(self, tubes: ImageTubes) -> Generator[Question, Any, ImageTubes]:
         """Return the footprints of the reflected tubes on what they meet next."""
         triangles = self.faces.triangles
         last = tubes.face[:, -1]
@@ -450,19 +465,21 @@ class Tracer:
         height = np.einsum("ij,ij->i", normal, tubes.image[:, -1]) - offset
         image = tubes.image[:, -1] - 2.0 * height[:, None] * normal
         lift = normal * np.sign(height)[:, None]
+        place, rest = tubes.depth, self.settings.max_depth - tubes.depth
         if self._return is not None:
             wide, _ = self._spacings(tubes, image)
-            kept = self._return.of_tubes(tubes, image, lift, wide, self.settings.max_depth - tubes.depth)
-            if not kept.any():
-                return self._landed(tubes, image, tubes.corners[:0], last[:0], last[:0])
+            kept = yield ComingBack((place, 2), self._return, tubes.corners, image, lift, wide, rest)
             tubes, image, lift, last = tubes.take(kept), image[kept], lift[kept], last[kept]
-        probe = PlaneProbe(self.rays, CentralRays(self.rays, image), lift, plane_of_face, self.faces.plane[last])
-        if tubes.depth + 1 == self.settings.max_depth:
+        if not len(tubes):
+            return self._landed(tubes, image, tubes.corners, last, last)
+        target = Landing(self.rays, self.faces, self.chosen, image, lift, last)
+        if rest == 1:
             angle = None if self._return is None else self._return.angle
-            probe.only_towards(self.rx.pose.position, triangles.normal, triangles.offset, angle)
-        corners, rows, plane = self._labelled(tubes, image, probe)
+            target = replace(target, station=self.rx.pose.position, angle=angle)
+        wide, fine = self._spacings(tubes, image)
+        corners, rows, plane = yield Cut((place, 3), tubes.corners, wide, fine, target, self.settings)
         met = plane != MISS
-        return self._landed(tubes, image, corners[met], rows[met], of_plane[plane[met]])
+        return self._landed(tubes, image, corners[met], rows[met], self._of_plane[plane[met]])
 
     def _landed(self, tubes: ImageTubes, image: Array, corners: Array, rows: Index, face: Index) -> ImageTubes:
         """Return tubes projected from their images onto the planes of faces."""

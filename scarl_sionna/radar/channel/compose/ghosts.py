@@ -7,7 +7,7 @@ length and rate, and what hides the way before the last mirror, is added path by
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations_with_replacement, permutations
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -20,10 +20,10 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import SPECULAR
 from scarl_sionna.radar.channel.multipath.images import spherical_basis
 from scarl_sionna.radar.channel.sbr.bodies import Bodies
-from scarl_sionna.radar.channel.sbr.solve import solve_between
+from scarl_sionna.radar.channel.sbr.solve import Pair
 from scarl_sionna.radar.channel.scatterers import PlacedModel
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
-from scarl_sionna.radar.optics.tubes.probes import Window
+from scarl_sionna.radar.optics.tubes.screens import Strips, Window
 from scarl_sionna.radar.paths import RadarPaths, bend_of
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
@@ -50,16 +50,46 @@ class Image(NamedTuple):
     """The mirrors that made it; none for the radar itself."""
 
 
-FromImages = Callable[[Image, Image], RadarPaths]
-"""From two images of the radar, both with the same axes, to the paths of the objects, nothing moving but them."""
+Images = tuple[Image, Image]
+"""Two images of the radar, both with the same axes: that to which a way there leads, and that of a way back."""
 Faces = tuple[tuple[int, ...], tuple[int, ...]]
 """Numbers of the mirrors of a way there and of a way back, each in the order from the radar."""
 STRAIGHT: Faces = ((), ())
 """Of paths whose mirrors, if they have any, are not told apart by their faces."""
 
 
+def image_pairs(view: MirrorView, over: Sequence[Mirror], depth: int, reach: float) -> list[Images]:
+    """Return the images between which objects are seen over at least one mirror, the same object where they are equal.
+
+    Of a way there and another one back one order only.
+
+    Parameters
+    ----------
+    view : MirrorView
+    over : sequence of Mirror
+        Those of the view's mirrors that the ways may take.
+    depth : int
+        Most mirrors of one way.
+    reach : float
+        Half of the longest length [m].
+    """
+    pose, found = view.mount.pose, []
+    corners = np.concatenate([box_points(view.state, number) for number in view.owned])
+    open_ways = [way for way in ways(over, depth) if reaches(way, pose.position, corners, view.tail).any()]
+    for there, back in combinations_with_replacement(open_ways, 2):
+        if not there and not back:
+            continue
+        images = [mirrored(way, pose.position) for way in (there, back)]
+        if min(np.linalg.norm(corners - image, axis=1).min() for image in images) > reach:
+            continue
+        axes = _looking((images[0] + images[1]) / 2.0, corners.mean(axis=0))
+        tx = Image(Pose.from_rotation(images[0], axes), there)
+        found.append((tx, tx if there is back else Image(Pose.from_rotation(images[1], axes), back)))
+    return found
+
+
 def paths_through_mirrors(
-    view: MirrorView, solve: FromImages, over: Sequence[Mirror], depth: int, reach: float, cut: bool = False
+    view: MirrorView, pairs: Sequence[Images], found: Sequence[RadarPaths], cut: bool = False
 ) -> list[tuple[RadarPaths, Faces]]:
     """Return the paths of objects over at least one mirror, one block for each pair of a way there and a way back.
 
@@ -69,34 +99,18 @@ def paths_through_mirrors(
     Parameters
     ----------
     view : MirrorView
-    solve : callable
-        The objects, seen from two images.
-    over : sequence of Mirror
-        Those of the view's mirrors that the ways may take.
-    depth : int
-        Most mirrors of one way.
-    reach : float
-        Half of the longest length [m].
+    pairs : sequence of Images
+        Of :func:`image_pairs`.
+    found : sequence of RadarPaths
+        The paths of the objects between each two images, nothing moving but them.
     cut : bool
-        Whether `solve` itself leaves out what its images do not show. If not, each path is there or not by its points.
+        Whether what the images do not show is left out of them. If not, each path is there or not by its points.
     """
-    pose = view.mount.pose
-    corners = np.concatenate([box_points(view.state, number) for number in view.owned])
     doubled = _doubled(view.mirrors) if cut else set()  # rays cannot tell which of them they meet
-    open_ways = [way for way in ways(over, depth) if reaches(way, pose.position, corners, view.tail).any()]
     blocks = []
-    for there, back in combinations_with_replacement(open_ways, 2):
-        if not there and not back:
-            continue
-        images = [mirrored(way, pose.position) for way in (there, back)]
-        if min(np.linalg.norm(corners - image, axis=1).min() for image in images) > reach:
-            continue
-        axes = _looking((images[0] + images[1]) / 2.0, corners.mean(axis=0))
-        tx = Image(Pose.from_rotation(images[0], axes), there)
-        rx = tx if there is back else Image(Pose.from_rotation(images[1], axes), back)
-        block = _seen(
-            view, solve(tx, rx), (tx, rx), cut and doubled.isdisjoint(mirror.number for mirror in there + back)
-        )
+    for (tx, rx), paths in zip(pairs, found, strict=True):
+        there, back = tx.way, rx.way
+        block = _seen(view, paths, (tx, rx), cut and doubled.isdisjoint(mirror.number for mirror in there + back))
         met = tuple(mirror.number for mirror in there), tuple(mirror.number for mirror in back)
         blocks.append((block, met))
         if there is not back:
@@ -135,7 +149,7 @@ def _looking(start: Array, end: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)], axis=1)
 
 
-def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut: bool) -> RadarPaths:
+def _seen(view: MirrorView, found: RadarPaths, images: Images, cut: bool) -> RadarPaths:
     """Return the paths as the radar itself sees them, without those that the surroundings hide unless that is done."""
     state, pose, both = view.state, view.mount.pose, (images[0].way, images[1].way)
     there, back, visible = _legs(view, found, images, cut)
@@ -164,7 +178,7 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut:
     return result if visible.all() else result.select(visible)
 
 
-def _legs(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut: bool) -> tuple[Leg, Leg, Flags]:
+def _legs(view: MirrorView, found: RadarPaths, images: Images, cut: bool) -> tuple[Leg, Leg, Flags]:
     """Return the ways to the first points of paths, those back from the last ones, and which paths have both open.
 
     Seen from one image most paths begin and end at the same point: its way is computed once.
@@ -209,12 +223,8 @@ def _chained(
     return np.take_along_axis(columns, np.argsort(columns == -1, axis=1, kind="stable"), axis=1).astype(np.int32)
 
 
-def of_models(state: WorldState, radar: RadarSpec, models: Sequence[PlacedModel]) -> FromImages:
-    """Return what makes the paths of scattering centres between two images of the radar.
-
-    Parameters
-    ----------
-    models : sequence of PlacedModel
+def of_models(state: WorldState, radar: RadarSpec, models: Sequence[PlacedModel], images: Images) -> RadarPaths:
+    """Return the paths of scattering centres between two images of the radar.
 
     Notes
     -----
@@ -225,22 +235,19 @@ def of_models(state: WorldState, radar: RadarSpec, models: Sequence[PlacedModel]
     ----------
     .. [1] R. E. Kell, "On the derivation of bistatic RCS from monostatic measurements", Proc. IEEE 53(8), 1965.
     """
-
-    def solve(tx: Image, rx: Image) -> RadarPaths:
-        blocks = [_of_model(state, radar, tx.pose, rx.pose, one) for one in sorted(models, key=lambda one: one.number)]
-        joined: dict[str, Any] = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-        count = len(joined["semantic"])
-        return RadarPaths(
-            **joined,
-            inner_length=np.zeros(count),
-            length_acceleration=np.zeros(count),
-            interaction=np.full((count, 1), POINT_INTERACTION, np.int32),
-            depth=np.ones(count, np.int32),
-            world_from_tx=tx.pose,
-            world_from_rx=rx.pose,
-        )
-
-    return solve
+    tx, rx = images
+    blocks = [_of_model(state, radar, tx.pose, rx.pose, one) for one in sorted(models, key=lambda one: one.number)]
+    joined: dict[str, Any] = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    count = len(joined["semantic"])
+    return RadarPaths(
+        **joined,
+        inner_length=np.zeros(count),
+        length_acceleration=np.zeros(count),
+        interaction=np.full((count, 1), POINT_INTERACTION, np.int32),
+        depth=np.ones(count, np.int32),
+        world_from_tx=tx.pose,
+        world_from_rx=rx.pose,
+    )
 
 
 def _of_model(
@@ -289,43 +296,43 @@ class Meshes:
         self.bodies = bodies
         self._mirror_of_face: npt.NDArray[np.int64] | None = None
 
-    def seen(self, view: MirrorView, lit: Sequence[int]) -> FromImages:
-        """Return what makes the paths of meshes between two images of the radar.
+    def pairs(self, view: MirrorView, images: Sequence[Images]) -> list[Pair]:
+        """Return the stations of images, which light the view's objects.
 
         Parameters
         ----------
         view : MirrorView
             Its mirrors are the same at every call.
-        lit : sequence of int
-            Instances that the images light, of those that scatter.
+        images : sequence of Images
         """
-        corners = np.concatenate([box_points(view.state, number) for number in lit])
-
-        def solve(tx: Image, rx: Image) -> RadarPaths:
-            first = self._viewpoint(view, tx, corners)
-            return solve_between(self.bodies, (first, first if tx is rx else self._viewpoint(view, rx, corners)), lit)
-
-        return solve
+        corners = np.concatenate([box_points(view.state, number) for number in view.owned])
+        alone = {image.way[0].number for pair in images for image in pair if len(image.way) == 1}
+        beside = {number: view.strips(number, corners, BOX_POINTS) for number in sorted(alone)}
+        found = []
+        for tx, rx in images:
+            first = self._viewpoint(view, tx, beside)
+            found.append(Pair(first, first if tx is rx else self._viewpoint(view, rx, beside), view.owned))
+        return found
 
     def _owner(self, view: MirrorView) -> npt.NDArray[np.int64]:
         if self._mirror_of_face is None:
             self._mirror_of_face = _owners(view.state, view.mirrors, view.knobs.thickness)
         return self._mirror_of_face
 
-    def _viewpoint(self, view: MirrorView, image: Image, corners: Array) -> Viewpoint:
+    def _viewpoint(self, view: MirrorView, image: Image, strips: Mapping[int, Strips | None]) -> Viewpoint:
         """Return an image of the radar, which looks through its mirrors: what lies on them hides nothing.
 
-        `corners` are those of the objects that it lights.
+        `strips` are those beside the mirrors that are met alone, by their numbers.
         """
         axes, window, source = view.mount.pose.rotation, None, view.mount.pose.position
         passing, lift = view.mount.twist.linear, view.knobs.thickness
-        beside = view.strips(image.way[0].number, corners, BOX_POINTS) if len(image.way) == 1 else None
+        beside = strips[image.way[0].number] if len(image.way) == 1 else None
         for mirror in image.way:  # static ones
             axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
             passing = passing - 2.0 * (mirror.normal @ passing) * mirror.normal
             side = np.sign(float(mirror.height(source)))
-            faces = self._owner(view) == mirror.number
-            window = Window(side * mirror.normal, side * mirror.offset, faces, lift, source, window, beside)
+            plane = side * mirror.normal, side * mirror.offset
+            window = Window(*plane, self._owner(view), mirror.number, lift, source, window, beside)
             source = mirrored((mirror,), source)
         station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
         return replace(station, window=window, axes=axes, passing=passing)

@@ -9,6 +9,8 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,13 +28,13 @@ from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from scarl_sionna.radar.channel.sbr.bodies import Bodies
 from scarl_sionna.radar.channel.sbr.cost import Work, affordable
-from scarl_sionna.radar.channel.sbr.solve import solve_bodies, stations_of
+from scarl_sionna.radar.channel.sbr.solve import Pair, solve_between, stations_of, straight
 from scarl_sionna.radar.channel.scatterers import PlacedModel, solve_scatterers
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
-from .ghosts import STRAIGHT, Faces, Meshes, of_models, paths_through_mirrors, weighted
+from .ghosts import STRAIGHT, Faces, Images, Meshes, image_pairs, of_models, paths_through_mirrors, weighted
 from .mirror_chains import mirror_chains, most_mirrors
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
@@ -72,8 +74,8 @@ def solve_hybrid(
     RadarPaths
         Objects (`sbr`, `scatterers`, `raycast`), then chains of mirrors, then objects through mirrors, each in the
         order of its solver. ``diagnostics["solvers"]`` has a row for each of them: what it computed, its paths and
-        power, and what it reports itself; ``diagnostics["seconds"]`` the time of each, ``diagnostics["left_out"]`` what
-        no solver computes.
+        power, and what it reports itself; ``diagnostics["seconds"]`` the time of each (tubes of `sbr` over mirrors are
+        traced with the straight ones), ``diagnostics["left_out"]`` what no solver computes.
 
     Raises
     ------
@@ -104,18 +106,14 @@ def solve_hybrid(
     work = _Work(state, radar, mount, settings, resolved)
     rank = {name: number for number, name in enumerate(OBJECT_SOLVERS)}
     order = sorted(range(len(plan.shares)), key=lambda index: (rank[plan.shares[index].solver], index))
+    ghosts = {index: work.ghosts(index) for index in order} if any(resolved.reflections) else {}
     for index in order:
-        work.objects(plan.shares[index], resolved.owned[index], resolved.lit[index])
+        work.objects(index, ghosts.get(index, []))
     if resolved.mirrors and plan.echoes:
         work.echoes()
-    if any(resolved.reflections):
-        start = time.perf_counter()
-        mirrors = work.mirrors_of(settings.mirrors)
-        work.clock["mirrors"] = time.perf_counter() - start
-        for index in order:
-            for seen in resolved.reflections[index]:
-                if lit := [number for number in seen.objects if number in resolved.lit[index]]:
-                    work.ghosts(plan.shares[index], resolved.owned[index], seen._replace(objects=tuple(lit)), mirrors)
+    for index in order:
+        for one in ghosts.get(index, []):
+            work.through_mirrors(index, one)
     found = work.result()
     return found if estimate is None else replace(found, diagnostics={**found.diagnostics, "estimate": estimate})
 
@@ -157,6 +155,17 @@ class _Contribution:
     faces: Sequence[Faces] | None = None
 
 
+@dataclass(eq=False)
+class _Ghosts:
+    """Objects of a share that are seen over some mirrors, between which images, and what is found between them."""
+
+    seen: Seen
+    view: MirrorView
+    num_mirrors: int
+    images: Sequence[Images]
+    found: Sequence[RadarPaths] = ()
+
+
 class _Work:
     """One solve: blocks of paths, and what each solver reports."""
 
@@ -188,14 +197,22 @@ class _Work:
         key = f"{new.solver}: {new.mechanism}"
         self.clock[key] = self.clock.get(key, 0.0) + new.seconds
 
-    def objects(self, share: Share, owned: Sequence[int], lit: Sequence[int]) -> None:
-        """Compute what objects of a share, of which some are lit, scatter straight back to the radar."""
+    def objects(self, index: int, ghosts: Sequence[_Ghosts]) -> None:
+        """Compute what the lit objects of a share scatter straight back to the radar, by `sbr` over mirrors as well."""
         start = time.perf_counter()
+        share, owned, lit = self.plan.plan.shares[index], self.plan.owned[index], self.plan.lit[index]
         if not owned:
             return
         settings = self._settings(share, owned)
         if share.solver == "sbr":
-            found = solve_bodies(self._bodies(settings, owned).bodies, self.mount, lit=lit)
+            meshes = self._bodies(settings, owned)
+            pairs = [Pair(*stations_of(self.radar, self.mount), lit)]
+            for one in ghosts:
+                pairs += meshes.pairs(one.view, one.images)
+            traced = iter(solve_between(meshes.bodies, pairs))  # all together: each alone has few tubes
+            found = straight(meshes.bodies, next(traced), self.mount)
+            for one in ghosts:
+                one.found = list(islice(traced, len(one.images)))
         else:
             found = SOLVERS_OF_OBJECTS[share.solver](self.state, self.radar, self.mount, settings)
         detail = {
@@ -276,35 +293,55 @@ class _Work:
         """Return the flat faces of the plan's mirrors."""
         return find_mirrors(self.state, self.plan.mirrors, self.mount.pose.position, self.radar.wavelength, knobs)
 
-    def ghosts(self, share: Share, owned: Sequence[int], seen: Seen, mirrors: list[Mirror]) -> None:
+    def ghosts(self, index: int) -> list[_Ghosts]:
+        """Return which of a share's lit objects are seen over which mirrors."""
+        share, owned, lit = self.plan.plan.shares[index], self.plan.owned[index], self.plan.lit[index]
+        depth, found = self.plan.plan.mirror_depth, []
+        for seen in self.plan.reflections[index]:
+            objects = tuple(number for number in seen.objects if number in lit)
+            if not objects:
+                continue
+            view = MirrorView(self.state, self.radar, self.mount, objects, self._mirrors, self.settings.mirrors)
+            if share.solver == "sbr":
+                view = replace(view, thin=self._bodies(self._settings(share, owned), owned).bodies.thin)
+            over = [mirror for mirror in self._mirrors if self._instance(mirror) in seen.mirrors]
+            images = image_pairs(view, over, depth, self.reach)
+            found.append(_Ghosts(seen._replace(objects=objects), view, len(over), images))
+        return found
+
+    @cached_property
+    def _mirrors(self) -> list[Mirror]:
+        start = time.perf_counter()
+        found = self.mirrors_of(self.settings.mirrors)
+        self.clock["mirrors"] = time.perf_counter() - start
+        return found
+
+    def _instance(self, mirror: Mirror) -> int:
+        return int(self.state.world.parts.instance[mirror.part])
+
+    def through_mirrors(self, index: int, ghosts: _Ghosts) -> None:
         """Compute objects of a share as they are seen over some of all mirrors of the solve."""
-        start, objects = time.perf_counter(), seen.objects
-        instance = {mirror.number: int(self.state.world.parts.instance[mirror.part]) for mirror in mirrors}
-        over = [mirror for mirror in mirrors if instance[mirror.number] in seen.mirrors]
-        view = MirrorView(self.state, self.radar, self.mount, objects, mirrors, self.settings.mirrors)
-        settings = self._settings(share, owned if share.solver == "sbr" else objects)
-        if share.solver == "sbr":
-            meshes = self._bodies(settings, owned)
-            view = replace(view, thin=meshes.bodies.thin)
-            solve = meshes.seen(view, objects)
-        else:
-            frames, models = settings.scatterers.placements, loaded_models(settings.scatterers.models)
-            names = {self.state.world.instances[number].name: number for number in objects}
+        start, seen = time.perf_counter(), ghosts.seen
+        share = self.plan.plan.shares[index]
+        if share.solver == "scatterers":
+            knobs = self._settings(share, seen.objects).scatterers
+            frames, models = knobs.placements, loaded_models(knobs.models)
+            names = {self.state.world.instances[number].name: number for number in seen.objects}
             placed = [PlacedModel(name, names[name], model, frames.get(name, Pose())) for name, model in models.items()]
-            solve = of_models(self.state, self.radar, placed)
-        depth, cut = self.plan.plan.mirror_depth, share.solver == "sbr"
-        found = paths_through_mirrors(view, solve, over, depth, self.reach, cut)
+            ghosts.found = [of_models(self.state, self.radar, placed, images) for images in ghosts.images]
+        found = paths_through_mirrors(ghosts.view, ghosts.images, ghosts.found, share.solver == "sbr")
         if seen.weights:
+            instance = {mirror.number: self._instance(mirror) for mirror in self._mirrors}
             found = [(weighted(paths, faces, seen, instance), faces) for paths, faces in found]
         self._add(
             _Contribution(
                 solver=share.solver,
                 mechanism="objects through mirrors",
-                instances=objects,
+                instances=seen.objects,
                 blocks=[paths.select(paths.length < 2.0 * self.reach) for paths, _ in found],
                 faces=[faces for _, faces in found],
                 seconds=time.perf_counter() - start,
-                report={"num_mirrors": len(over)},
+                report={"num_mirrors": ghosts.num_mirrors},
             )
         )
 

@@ -17,7 +17,7 @@ from scarl_sionna.radar.channel.multipath.images import Chain, material_coeffici
 from scarl_sionna.radar.channel.multipath.mirror_ends import MirrorEnds, Reflections
 from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.optics.faces.panes import MOST_PANES
-from scarl_sionna.radar.optics.tubes.probes import Strips
+from scarl_sionna.radar.optics.tubes.screens import Strips
 from scarl_sionna.radar.tuned import material_frequency
 from scarl_sionna.scene.tables import RayHits
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.radar.optics.edges.fresnel_ends import across, edge_distances, edge_terms, fresnel_axes
-from scarl_sionna.radar.optics.tubes.probes import Strips
+from scarl_sionna.radar.optics.tubes.screens import Strips
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World, WorldState

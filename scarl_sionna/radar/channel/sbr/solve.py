@@ -9,7 +9,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,7 @@ from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.optics.edges.near_field import EdgeView, edge_rows
 from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Tracer, Viewpoint
+from scarl_sionna.radar.optics.tubes.together import together
 from scarl_sionna.radar.paths import RadarPaths, bend_of
 
 from .bodies import Bodies
@@ -167,7 +168,24 @@ def solve_bodies(
     ParameterRangeError
         If the scene needs more patches than `max_patches`.
     """
-    found = solve_between(bodies, stations_of(bodies.radar, mount, receiver), lit)
+    (found,) = solve_between(bodies, [Pair(*stations_of(bodies.radar, mount, receiver), lit)])
+    return straight(bodies, found, mount, receiver, left_out)
+
+
+def straight(
+    bodies: Bodies,
+    found: RadarPaths,
+    mount: Mount,
+    receiver: Mount | None = None,
+    left_out: Sequence[str] = (),
+) -> RadarPaths:
+    """Return the paths between radars themselves with what is to be said of them; arguments as of :func:`solve_bodies`.
+
+    Warns
+    -----
+    ScarlWarning
+        Of bodies that are too small.
+    """
     _warn_of_bodies(bodies, mount.pose.position, found)
     return replace(
         found,
@@ -177,19 +195,24 @@ def solve_bodies(
     )
 
 
-def solve_between(
-    bodies: Bodies, stations: tuple[Viewpoint, Viewpoint], lit: Sequence[int] | None = None
-) -> RadarPaths:
-    """Return the paths between two stations, which may be images of a radar, without checks of where they stand.
+class Pair(NamedTuple):
+    """Two stations, which may be images of a radar, and on what the tubes between them start."""
+
+    tx: Viewpoint
+    rx: Viewpoint
+    """The same object for a monostatic radar."""
+    lit: Sequence[int] | None = None
+    """Instances; all that scatter if left out."""
+
+
+def solve_between(bodies: Bodies, pairs: Sequence[Pair]) -> list[RadarPaths]:
+    """Return the paths between pairs of stations, without checks of where they stand; all are traced together.
 
     Parameters
     ----------
     bodies : Bodies
         What scatters: the same for all pairs of stations of one solve.
-    stations : tuple of two Viewpoint
-        Transmitter and receiver; the same object for a monostatic radar.
-    lit : sequence of int, optional
-        Instances on which tubes start; all that scatter if left out.
+    pairs : sequence of Pair
 
     Raises
     ------
@@ -198,55 +221,77 @@ def solve_between(
     ParameterRangeError
         If the scene needs more patches than `max_patches`.
     """
-    knobs, (tx, rx) = bodies.knobs, stations
-    clock = time.perf_counter()
-    faces, reach = bodies.faces, bodies.reach
-    start = first_faces(bodies, stations, lit)
-    blocks: list[Columns] = []
-    rough: dict[int, list[Columns]] = {}
-    num_rows = 0
+    found: dict[int, RadarPaths] = {}
     with bodies.active():
-        tracer = tracer_between(bodies, stations)
-        size = tracer.size
-        near = NearField(
+        solves = [_Solve(bodies, pair) for pair in pairs]
+        tracings = [solve.tracer.tracing(solve.start) for solve in solves]
+        for number, patches in together(tracings, bodies.knobs.max_tubes):
+            if patches is None:
+                found[number] = solves[number].result()
+            elif len(patches):
+                solves[number].add(patches)
+                check_memory(bodies, sum(solve.num_rows for solve in solves))
+    return [found[number] for number in range(len(pairs))]
+
+
+class _Solve:
+    """The patches between two stations, until all are there."""
+
+    def __init__(self, bodies: Bodies, pair: Pair) -> None:
+        self.bodies, self.pair, self.clock = bodies, pair, time.perf_counter()
+        stations = pair.tx, pair.rx
+        self.start = first_faces(bodies, stations, pair.lit)
+        self.tracer = tracer_between(bodies, stations)
+        size, knobs = self.tracer.size, bodies.knobs
+        self.near = NearField(
             bodies.rays,
             bodies.surfaces,
-            tx,
-            rx,
+            *stations,
             size.wavenumber,
             knobs.integration_phase,
             bodies.curves,
             size.duration,
             size.max_turn,
         )
-        for patches in tracer.bounces(start):
-            if len(patches):
-                blocks += [_rows(bodies.state, tracer, near, some, rough) for some in near.kinds(patches)]
-                num_rows += len(blocks[-1]["length"])
-                check_memory(bodies, num_rows)
+        self.blocks: list[Columns] = []
+        self.rough: dict[int, list[Columns]] = {}
+        self.num_rows = 0
+
+    def add(self, patches: ImageTubes) -> None:
+        """Add patches that the receiver sees."""
+        for some in self.near.kinds(patches):
+            self.blocks.append(_rows(self.bodies.state, self.tracer, self.near, some, self.rough))
+            self.num_rows += len(self.blocks[-1]["length"])
+
+    def result(self) -> RadarPaths:
+        """Return the paths of all patches; the rows are gone then."""
+        bodies, (tx, rx, _) = self.bodies, self.pair
+        knobs, tracer, blocks = bodies.knobs, self.tracer, self.blocks
         if knobs.edge_diffraction and tx.window is None and rx.window is None:
-            edges = EdgeView(bodies.state, faces, bodies.rays, tx, rx, reach, size, knobs.max_patches)
-            seen = np.unique(bodies.state.world.parts.instance[faces.part[start]]).tolist()
+            limit = knobs.max_patches
+            edges = EdgeView(bodies.state, bodies.faces, bodies.rays, tx, rx, bodies.reach, tracer.size, limit)
+            seen = np.unique(bodies.state.world.parts.instance[bodies.faces.part[self.start]]).tolist()
             blocks.append(edge_rows(edges, edges.pieces(seen, float(np.radians(knobs.crease_angle_deg)))))
-    for depth in sorted(rough):
-        blocks += _scattered(rough.pop(depth), knobs.seed, tx is rx)
-    columns = joined(blocks, knobs.max_depth)
-    amplitude = received(columns, bodies.radar, tx.pose, rx.pose)
-    diagnostics: dict[str, Any] = {
-        "method": "sbr",
-        "settings": knobs.model_dump(),
-        "max_distance": reach,
-        "num_faces": len(start),
-        "num_tubes": dict(tracer.count),
-        "num_patches": len(columns["length"]),
-    }
-    if tx.window is None and rx.window is None:  # of what the radar itself sees
-        _warn_of_coarse_faces(bodies, columns)
-    _warn_of_grazing(bodies, columns["cosine"], amplitude**2)
-    columns, diagnostics["floor"] = above_floor(columns, amplitude, bodies.radar, knobs.floor_db)
-    columns = in_order(columns)
-    diagnostics["seconds"] = time.perf_counter() - clock
-    return _paths(columns, tx.pose, rx.pose, diagnostics)
+        for depth in sorted(self.rough):
+            blocks += _scattered(self.rough.pop(depth), knobs.seed, tx is rx)
+        columns = joined(blocks, knobs.max_depth)
+        amplitude = received(columns, bodies.radar, tx.pose, rx.pose)
+        diagnostics: dict[str, Any] = {
+            "method": "sbr",
+            "settings": knobs.model_dump(),
+            "max_distance": bodies.reach,
+            "num_faces": len(self.start),
+            "num_tubes": dict(tracer.count),
+            "num_patches": len(columns["length"]),
+        }
+        if tx.window is None and rx.window is None:  # of what the radar itself sees
+            _warn_of_coarse_faces(bodies, columns)
+        _warn_of_grazing(bodies, columns["cosine"], amplitude**2)
+        columns, diagnostics["floor"] = above_floor(columns, amplitude, bodies.radar, knobs.floor_db)
+        columns = in_order(columns)
+        self.blocks, self.num_rows = [], len(columns["length"])
+        diagnostics["seconds"] = time.perf_counter() - self.clock
+        return _paths(columns, tx.pose, rx.pose, diagnostics)
 
 
 def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[list[int], list[str]]:

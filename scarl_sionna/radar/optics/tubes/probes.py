@@ -6,8 +6,6 @@ scene) differ in the direction of the rays only: :class:`ParallelRays` and :clas
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from types import ModuleType
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +15,6 @@ from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import DeviceArray
 
-from ..faces.panes import STEP_ON, Panes
 from .tube_shape import WEIGHTS, inset
 
 Array = npt.NDArray[np.float64]
@@ -26,10 +23,6 @@ Index = npt.NDArray[np.int64]
 SAME_DISTANCE = 1e-6
 """What is met this near to a point (relative to 1 m + distance) is the point itself: float32 directions are 6e-8 off,
 which a face at grazing incidence makes larger."""
-
-
-BESIDE = -1
-"""Label of points that are seen beside a mirror's end, through no pane."""
 
 
 class Directions(Protocol):
@@ -164,243 +157,6 @@ class ShadowProbe(Probe):
         return dr.select(rays.blocked(start, self._directions.at(point, row)), mi.Int32(1), mi.Int32(0))
 
 
-@dataclass(frozen=True, eq=False)
-class Strips:
-    """Strips beside free edges of a mirror, in which its reflections go on.
-
-    Attributes
-    ----------
-    corner : ndarray of float64, shape (num_strips, 3)
-        Start of each edge [m].
-    along, out : ndarray of float64, shape (num_strips, 3)
-        Unit vectors.
-    length, beyond, width : ndarray of float64, shape (num_strips,)
-        Of the edge, how far the strip goes on at either end of it, and how wide it is [m].
-    """
-
-    corner: Array
-    along: Array
-    out: Array
-    length: Array
-    beyond: Array
-    width: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Window:
-    """The plane through which the image of a station looks: that of the mirror which made it.
-
-    Attributes
-    ----------
-    normal : ndarray of float64, shape (3,)
-        Unit normal, from the image to what it sees.
-    offset : float
-        normal . point of the mirror's plane [m].
-    faces : ndarray of bool, shape (num_faces,), optional
-        The mirror's faces and what lies on it: what a ray must meet behind the window to come from the mirror, and what
-        hides nothing; the plane has no end if left out.
-    lift : float
-        What is so near to the plane may lie on it: rays begin this far from it [m].
-    source : ndarray of float64, shape (3,), optional
-        What the mirror shows: the station itself, or its image by the mirrors before [m, world]. What stands between
-        it and the mirror hides, too; left out, nothing does.
-    earlier : Window, optional
-        Through which the source looks, where it is an image.
-    strips : Strips, optional
-        Where the mirror goes on beside its faces, with nothing there that a ray could meet.
-    """
-
-    normal: Array
-    offset: float
-    faces: npt.NDArray[np.bool_] | None = None
-    lift: float = 0.0
-    source: Array | None = None
-    earlier: Window | None = None
-    strips: Strips | None = None
-
-    def entry(self, station: Array, points: Array) -> Array:
-        """Return where rays from a station (3,) to points (n, 3) begin, shape (n, 3) [m].
-
-        Points must be farther than `lift` from the plane.
-        """
-        own, there = station @ self.normal - self.offset, points @ self.normal - self.offset
-        return np.asarray(station + ((self.lift - own) / (there - own))[:, None] * (points - station))
-
-
-@dataclass(frozen=True, eq=False)
-class FieldOfView:
-    """The directions that a station looks at.
-
-    Attributes
-    ----------
-    axes : ndarray of float64, shape (3, 3)
-        Of the radar as columns: x boresight, z up; mirrored ones of an image.
-    azimuth, elevation : float
-        Full width and height [rad].
-    """
-
-    axes: Array
-    azimuth: float
-    elevation: float
-
-
-class ScreenedProbe(Probe):
-    """Whether a point is hidden (1) from a station, (3,) [m], or not (0): rays run from the station to the point.
-
-    Those of an image begin at its window, since what is before it is not there; points before it are hidden, and so are
-    those that are out of its field of view, if it has one. With panes more than 1 stands for a point that is seen
-    through some; `face`, (num_rows,), is that of each tube. `BESIDE` stands for one that is seen beside a mirror's end.
-
-    Notes
-    -----
-    The foot of an object that stands on a mirror is where the way over the mirror and the straight one have their
-    common specular point, so it must not be cut off: a point nearer to the plane than `lift` is seen if a ray from it
-    back to the image meets the mirror, or what lies on it, first, unless it is on what lies there itself.
-    """
-
-    def __init__(
-        self,
-        rays: FaceRays,
-        station: Array,
-        window: Window | None = None,
-        panes: Panes | None = None,
-        face: Index | None = None,
-        view: FieldOfView | None = None,
-    ) -> None:
-        super().__init__(rays)
-        self._panes = panes
-        self._view = None
-        if view is not None:
-            limits = rays.real(float(np.cos(view.azimuth / 2.0))), rays.real(float(np.sin(view.elevation / 2.0)))
-            self._view = [rays.vector(axis) for axis in view.axes.T], *limits
-        self._face = None if face is None else rays.index(face)
-        self._looks = [_Look.of(rays, station, window)]
-        while window is not None and window.source is not None:
-            self._looks.append(_Look.of(rays, window.source, window.earlier))
-            window = window.earlier
-
-    def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
-        dr, mi = self.rays.dr, self.rays.mi
-        apart, mirror = self._out_of_view(point), None
-        beside, some_beside, strips = mi.Bool(False), mi.Bool(False), None
-        last: tuple[DeviceArray, ...] = ()  # the way to the point itself, and where that is too low for it
-        for look in self._looks:
-            ray = point - look.station
-            distance = dr.norm(ray)
-            near = SAME_DISTANCE * (1.0 + distance)
-            ray = ray / dr.maximum(distance, 1e-12)
-            low, first, met = mi.Bool(False), 0.0, 0.0
-            if look.normal is not None:
-                own, there = look.heights(dr, point)
-                low = there <= look.lift
-                apart |= there <= near
-                slope = dr.select(apart, 1.0, there - own)
-                first, met = distance * (look.lift - own) / slope, -distance * own / slope
-            start = look.station + first * ray
-            if not last:
-                last = start, ray, distance - first - near, low
-            else:
-                if strips is not None:
-                    free = dr.select(beside & ~apart, distance - first - near, 0.0)
-                    apart |= beside & self.rays.blocked(start, ray, free)
-                apart |= ~low & ~beside & self._misses(start, ray, mirror, ~apart & ~low & ~beside)
-            if look.behind is not None:
-                begin = dr.select(low, point - STEP_ON * (1.0 + distance) * ray, start)
-                missed = self._misses(begin, -ray, look.behind, ~apart)
-                beside, strips = mi.Bool(False), look.strips
-                if strips is not None:
-                    beside = strips.hold(look.station + met * ray, missed & ~low & ~apart)
-                    some_beside |= beside
-                apart |= missed & ~beside
-                if mirror is None and self._face is not None:
-                    apart |= low & (dr.gather(mi.UInt32, look.behind, dr.gather(mi.UInt32, self._face, row)) != 0)
-            point, mirror = look.station + met * ray, look.behind
-        start, ray, before, low = last
-        hidden = self._hidden(start, ray, before, row, ~apart & ~low)
-        hidden = dr.select(some_beside & (hidden == 0), mi.Int32(BESIDE), hidden)
-        return dr.select(apart, mi.Int32(1), hidden)
-
-    def _hidden(
-        self, start: DeviceArray, ray: DeviceArray, before: DeviceArray, row: DeviceArray, active: DeviceArray
-    ) -> DeviceArray:
-        """Return whether something is in the way of active rays before a distance, or the label of panes that are."""
-        dr, mi = self.rays.dr, self.rays.mi
-        if self._panes is None or self._face is None:
-            return dr.select(self.rays.blocked(start, ray, before, active), mi.Int32(1), mi.Int32(0))
-        return self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row), active)
-
-    def _misses(self, start: DeviceArray, ray: DeviceArray, faces: DeviceArray, active: DeviceArray) -> DeviceArray:
-        """Return which rays first meet something else than some faces."""
-        dr, mi = self.rays.dr, self.rays.mi
-        face = self.rays.first(start, ray)
-        met = active & (face != MISS)
-        return ~met | (dr.gather(mi.UInt32, faces, mi.UInt32(face), met) == 0)
-
-    def _out_of_view(self, point: DeviceArray) -> DeviceArray:
-        dr = self.rays.dr
-        if self._view is None:
-            return self.rays.mi.Bool(False)
-        axes, cosine, sine = self._view
-        ray = point - self._looks[0].station
-        x, y, z = (dr.dot(axis, ray) for axis in axes)
-        flat = dr.sqrt(x * x + y * y)
-        return (x < cosine * flat) | (dr.abs(z) > sine * dr.sqrt(flat * flat + z * z))
-
-
-@dataclass(frozen=True, eq=False)
-class _Look:
-    """A station on the device, and the mirror over which it looks; its faces and `lift` as of :class:`Window`."""
-
-    station: DeviceArray
-    normal: DeviceArray | None = None
-    offset: DeviceArray | None = None
-    lift: DeviceArray | None = None
-    behind: DeviceArray | None = None
-    strips: _Strips | None = None
-
-    @classmethod
-    def of(cls, rays: FaceRays, station: Array, window: Window | None) -> _Look:
-        placed = rays.vector(rays.placed(station))
-        if window is None:
-            return cls(placed)
-        behind = None if window.faces is None else rays.index(window.faces.astype(np.uint32))
-        strips = None if window.strips is None or not len(window.strips.length) else _Strips(rays, window.strips)
-        return cls(placed, rays.vector(window.normal), rays.real(window.offset), rays.real(window.lift), behind, strips)
-
-    def heights(self, dr: ModuleType, point: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
-        """Return the heights of the station and of points over the mirror [m]."""
-        return dr.dot(self.normal, self.station) - self.offset, dr.dot(self.normal, point) - self.offset
-
-
-class _Strips:
-    """Strips beside a mirror on the device."""
-
-    def __init__(self, rays: FaceRays, strips: Strips) -> None:
-        self._rays = rays
-        self._count = rays.dr.opaque(rays.mi.UInt32, len(strips.length))
-        self._vectors = [rays.reals(one) for one in (strips.corner, strips.along, strips.out)]
-        self._lengths = [rays.reals(one) for one in (strips.length, strips.beyond, strips.width)]
-
-    def hold(self, point: DeviceArray, active: DeviceArray) -> DeviceArray:
-        """Return which of the active points, in the plane of the mirror, are in one of the strips."""
-        dr, mi, rays = self._rays.dr, self._rays.mi, self._rays
-
-        def step(number: DeviceArray, found: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
-            corner, along, out = (dr.gather(rays.Vector, one, number) for one in self._vectors)
-            length, beyond, width = (dr.gather(rays.Real, one, number) for one in self._lengths)
-            place, away = dr.dot(point - corner, along), dr.dot(point - corner, out)
-            inside = (place > -beyond) & (place < length + beyond) & (away > 0.0) & (away < width)
-            return number + 1, found | inside
-
-        state = mi.UInt32(0), dr.zeros(mi.Bool, dr.width(point))
-        count = self._count
-
-        def on(number: DeviceArray, found: DeviceArray) -> DeviceArray:
-            return active & ~found & (number < count)
-
-        return dr.while_loop(state, on, step, label="strips beside mirrors")[1]
-
-
 class PlaneProbe(Probe):
     """The plane that a tube's ray meets behind a point, `MISS` where it meets none that counts.
 
@@ -425,19 +181,20 @@ class PlaneProbe(Probe):
         self._faces: tuple[DeviceArray, DeviceArray, DeviceArray] | None = None
         self._cosine: DeviceArray | None = None
 
-    def only_towards(self, station: Array, normal: Array, offset: Array, angle: float | None = None) -> None:
+    def only_towards(self, stations: Array, normal: Array, offset: Array, angle: float | None = None) -> None:
         """Let planes of which the lit side is turned away from a station count as missed, as on the last bounce.
 
         With an `angle` [rad] also those whose mirror direction is farther from that of the station.
 
         Parameters
         ----------
-        station : ndarray of float64, shape (3,)
+        stations : ndarray of float64, shape (num_rows, 3)
+            That of each tube [m].
         normal, offset : ndarray of float64, shape (num_faces, 3) and (num_faces,)
             Planes of the faces.
         """
         rays = self.rays
-        self._faces = rays.vector(station), rays.reals(normal), rays.reals(offset)
+        self._faces = rays.reals(stations), rays.reals(normal), rays.reals(offset)
         self._cosine = None if angle is None else rays.real(float(np.cos(angle)))
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
@@ -449,7 +206,8 @@ class PlaneProbe(Probe):
         if self._own is not None:
             met &= plane != dr.gather(mi.Int32, self._own, row)
         if self._faces is not None:
-            station, normals, offsets = self._faces
+            stations, normals, offsets = self._faces
+            station = dr.gather(rays.Vector, stations, row)
             normal = dr.gather(rays.Vector, normals, mi.UInt32(face), met)
             towards = dr.dot(normal, station) - dr.gather(rays.Real, offsets, mi.UInt32(face), met)
             slope = dr.dot(normal, ray)

@@ -7,6 +7,7 @@ cut at every edge that their reflection meets, which is what bounces cost, singl
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from scarl_sionna.engine.types import DeviceArray
 
 from .probes import CentralRays, Probe
-from .trace import Tubes
+from .together import Question
 from .tube_shape import COUNTS, OFFSETS, TOO_LONG, layouts, sides_and_height
 
 Array = npt.NDArray[np.float64]
@@ -64,46 +65,81 @@ class Return:
         cosine /= np.maximum(np.linalg.norm(mirrored, axis=1) * np.linalg.norm(back, axis=1), 1e-300)
         return np.asarray(cosine >= np.cos(self.angle))
 
-    def of_tubes(self, tubes: Tubes, source: Array, lift: Array, spacing: Array, bounces: int) -> Mask:
-        """Return which tubes have a ray that comes back after 1 to `bounces` further bounces, shape (num_tubes,).
 
-        Parameters
-        ----------
-        tubes : Tubes
-        source, lift : ndarray of float64, shape (num_tubes, 3)
-            Where the reflected rays seem to come from [m, world], and the unit normal on the side on which they run.
-        spacing : ndarray of float64, shape (num_tubes,)
-            Largest distance of the rays [m].
-        bounces : int
-        """
-        longest, height = sides_and_height(tubes.corners)
-        layout = layouts(longest, height, spacing, np.zeros(len(tubes)))
+@dataclass(frozen=True, eq=False)
+class ComingBack(Question):
+    """Which tubes have a ray that comes back after 1 to `bounces` further bounces; the answer is a mask.
+
+    Attributes
+    ----------
+    place : tuple of int
+    wanted : Return
+    corners : ndarray of float64, shape (num_tubes, 3, 3)
+        Footprints [m].
+    source, lift : ndarray of float64, shape (num_tubes, 3)
+        Where the reflected rays seem to come from [m, world], and the unit normal on the side on which they run.
+    spacing : ndarray of float64, shape (num_tubes,)
+        Largest distance of the rays [m].
+    bounces : int
+    """
+
+    place: tuple[int, ...]
+    wanted: Return
+    corners: Array
+    source: Array
+    lift: Array
+    spacing: Array
+    bounces: int
+
+    def __len__(self) -> int:
+        return len(self.corners)
+
+    @property
+    def key(self) -> Hashable:
+        """What is asked together: rays of one scene that come back within one angle."""
+        wanted = self.wanted
+        return ComingBack, id(wanted.rays), id(wanted.faces), id(wanted.chosen), wanted.angle
+
+    @classmethod
+    def answered(cls, questions: Sequence[ComingBack]) -> list[Mask]:
+        """Return which tubes come back, of each question."""
+        corners, source, lift, spacing = (
+            np.concatenate([getattr(one, name) for one in questions])
+            for name in ("corners", "source", "lift", "spacing")
+        )
+        longest, height = sides_and_height(corners)
+        layout = layouts(longest, height, spacing, np.zeros(len(corners)))
         found = layout == TOO_LONG  # they are cut before they are probed: followed as they are
         short = np.flatnonzero(~found)
+        ends = np.cumsum([len(one) for one in questions])
         if len(short):
-            probe = _ReturnProbe(self, source[short], lift[short], bounces)
+            asked = np.searchsorted(ends, short, side="right")
+            station = np.array([one.wanted.station for one in questions])[asked]
+            bounces = np.array([one.bounces for one in questions])[asked]
+            probe = _ReturnProbe(questions[0].wanted, (source[short], lift[short]), station, bounces)
             count = COUNTS[layout[short]]
-            labels = probe.within(tubes.corners[short], np.arange(len(short)), count, OFFSETS[layout[short]])
+            labels = probe.within(corners[short], np.arange(len(short)), count, OFFSETS[layout[short]])
             found[short] = np.maximum.reduceat(labels, np.cumsum(count) - count) > 0
-        return np.asarray(found)
+        return np.split(np.asarray(found), ends[:-1])
 
 
 class _ReturnProbe(Probe):
-    """Whether a ray from a point of a tube comes back (1) after some bounces, or not (0)."""
+    """Whether a ray from a point of a tube comes back (1) to its station after some bounces, or not (0)."""
 
-    def __init__(self, wanted: Return, source: Array, lift: Array, bounces: int) -> None:
-        rays = wanted.rays
+    def __init__(self, wanted: Return, start: tuple[Array, Array], station: Array, bounces: Index) -> None:
+        rays, (source, lift) = wanted.rays, start
         super().__init__(rays)
         self._directions, self._lift = CentralRays(rays, source), rays.reals(lift)
-        self._bounces = rays.dr.opaque(rays.mi.UInt32, bounces)
+        self._bounces, self._station = rays.index(bounces), rays.reals(station)
         triangles = wanted.faces.triangles
         self._normal, self._offset = rays.reals(triangles.normal), rays.reals(triangles.offset)
         self._chosen = rays.index(wanted.chosen.astype(np.uint32))
-        self._station, self._cosine = rays.vector(wanted.station), rays.real(float(np.cos(wanted.angle)))
+        self._cosine = rays.real(float(np.cos(wanted.angle)))
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
         above, ray = dr.gather(rays.Vector, self._lift, row), self._directions.at(point, row)
+        station, bounces = dr.gather(rays.Vector, self._station, row), dr.gather(mi.UInt32, self._bounces, row)
 
         def bounce(
             count: DeviceArray,
@@ -122,12 +158,12 @@ class _ReturnProbe(Probe):
             height = dr.gather(rays.Real, self._offset, number, alive) - dr.dot(normal, point)
             point = dr.select(alive, point + height / dr.select(alive, slope, 1.0) * ray, point)
             ray = ray - 2.0 * slope * normal
-            back = alive & (dr.dot(ray, dr.normalize(self._station - point)) >= self._cosine)
+            back = alive & (dr.dot(ray, dr.normalize(station - point)) >= self._cosine)
             return count + 1, alive & ~back, back, point, ray, normal * -dr.sign(slope)
 
         # a loop, since most rays are decided by the first bounce or two
         state = mi.UInt32(0), mi.Bool(True), mi.Bool(False), point, ray, above
         _, _, back, *_ = dr.while_loop(
-            state, lambda count, alive, *_: alive & (count < self._bounces), bounce, label="bounces of single rays"
+            state, lambda count, alive, *_: alive & (count < bounces), bounce, label="bounces of single rays"
         )
         return dr.select(back, mi.Int32(1), mi.Int32(0))
