@@ -58,14 +58,17 @@ class PathGeometry:
         image = np.zeros((0, 3, 4)) if paths.rx_image is None else paths.rx_image[mirror]
         mirror_length = np.linalg.norm(_image_of(image, rx)[None] - tx[:, None, None, :], axis=-1)
         tx_vector, rx_vector = paths.end_vectors()
-        local = tx_vector @ paths.world_from_tx.rotation, rx_vector @ paths.world_from_rx.rotation
+        sent = tx_vector @ paths.world_from_tx.rotation
+        one = rx_vector is tx_vector and np.array_equal(paths.world_from_tx.rotation, paths.world_from_rx.rotation)
+        local = sent, sent if one else rx_vector @ paths.world_from_rx.rotation
         fields = None
         slopes = None
         if paths.tx_slope is not None or paths.rx_slope is not None:
             slopes = paths.filled("tx_slope"), paths.filled("rx_slope")
         if slopes is not None or not (radar.array.is_uniform and (receiver or radar).array.is_uniform):
             fields = PairFields.of(paths.a, *local, radar, receiver, slopes)
-        tx_center, rx_center = np.linalg.norm(tx_vector, axis=-1), np.linalg.norm(rx_vector, axis=-1)
+        tx_center = np.linalg.norm(tx_vector, axis=-1)
+        rx_center = tx_center if rx_vector is tx_vector else np.linalg.norm(rx_vector, axis=-1)
         return cls(
             tx_distance=_distances(paths.tx_point, tx),
             rx_distance=_distances(paths.rx_point, rx),

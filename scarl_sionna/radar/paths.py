@@ -136,6 +136,13 @@ class RadarPaths(
             return np.zeros(self.num_paths, dtype=np.bool_)
         return np.asarray(np.isfinite(self.rx_image).all(axis=(1, 2)))
 
+    @property
+    def is_one_end(self) -> bool:
+        """Whether every path comes back from the point that it goes to, to the place that it came from."""
+        if self.rx_image is not None or not np.array_equal(self.world_from_tx.position, self.world_from_rx.position):
+            return False
+        return self.rx_point is self.tx_point or np.array_equal(self.tx_point, self.rx_point)
+
     def end_vectors(self) -> tuple[Array, Array]:
         """Return the vectors along which paths leave the transmitter's origin and arrive at the receiver's.
 
@@ -146,6 +153,8 @@ class RadarPaths(
             end.
         """
         tx_vector = self.tx_point - self.world_from_tx.position
+        if self.is_one_end:
+            return tx_vector, tx_vector
         rx_vector = self.rx_point - self.world_from_rx.position
         mirror = self.is_mirror_chain
         if self.rx_image is not None and mirror.any():
@@ -160,7 +169,8 @@ class RadarPaths(
     def length(self) -> Array:
         """Length of each path between the array centres [m], shape (num_paths,)."""
         tx_vector, rx_vector = self.end_vectors()
-        there, back = np.linalg.norm(tx_vector, axis=1), np.linalg.norm(rx_vector, axis=1)
+        there = np.linalg.norm(tx_vector, axis=1)
+        back = there if rx_vector is tx_vector else np.linalg.norm(rx_vector, axis=1)
         return np.where(self.is_mirror_chain, there, there + self.inner_length + back)
 
     @classmethod
@@ -286,12 +296,11 @@ class RadarPaths(
     def select(self, index: npt.ArrayLike | slice) -> RadarPaths:
         """Return the paths of an index of any shape (n,), a mask of shape (num_paths,) or a slice."""
         chosen = np.asarray(index) if not isinstance(index, slice) else index
-        changed: dict[str, Any] = {
-            item.name: value[chosen]
-            for item in fields(self)
-            if isinstance(value := getattr(self, item.name), np.ndarray)
-        }
-        rest = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in changed}
+        every = {item.name: getattr(self, item.name) for item in fields(self)}
+        arrays = {name: value for name, value in every.items() if isinstance(value, np.ndarray)}
+        known = {id(value): _some(value, chosen) for value in arrays.values()}  # what is one array stays one
+        changed: dict[str, Any] = {name: known[id(value)] for name, value in arrays.items()}
+        rest = {name: value for name, value in every.items() if name not in changed}
         return RadarPaths(**changed, **rest)
 
     def reversed(self) -> RadarPaths:
@@ -385,3 +394,10 @@ def _padded(labels: npt.NDArray[np.int32], width: int) -> npt.NDArray[np.int32]:
 
 def _same(one: Pose, other: Pose) -> bool:
     return np.array_equal(one.position, other.position) and np.array_equal(one.quaternion, other.quaternion)
+
+
+def _some(values: npt.NDArray[Any], chosen: npt.NDArray[Any] | slice) -> npt.NDArray[Any]:
+    """Return some rows; by `take`, which moves rows whole, where they are given by number."""
+    if isinstance(chosen, slice) or chosen.dtype.kind not in "iu" or chosen.ndim != 1:
+        return values[chosen]
+    return np.take(values, chosen, axis=0)

@@ -208,6 +208,7 @@ def test_chunks_change_nothing(monkeypatch):
     fine = Accuracy(synthesis_tolerance=1e-5)
     whole = synthesize(paths, radar, accuracy=fine)
     monkeypatch.setattr(groups, "MAX_CHUNK_PATHS", 100)
+    monkeypatch.setattr(groups, "MAX_CHIRPZ_PATHS", 100)
     assert (
         np.abs(synthesize(paths, radar, accuracy=fine) - whole).max() < 2e-5 * np.abs(whole).max()
     )  # each within 1e-5

@@ -189,13 +189,17 @@ def _of_constant(
     if held.any():
         kept = replace(kept, length_acceleration=np.where(held, 0.0, kept.length_acceleration))
     if (held | bent).any():
-        for signal in _signals(kept.select(held | bent), radar, tolerance):
+        for signal in _signals(_some(kept, held | bent), radar, tolerance):
             yield 0, signal
     if linear.any():
-        yield 0, linear_signal(kept.select(linear), radar, tolerance)
+        yield 0, linear_signal(_some(kept, linear), radar, tolerance)
     if moving.any():
         wanted = None if tolerance is None else Tolerances(tolerance, motion_tolerance or tolerance)
-        yield from moving_signals(kept.select(moving), radar, wanted)
+        yield from moving_signals(_some(kept, moving), radar, wanted)
+
+
+def _some(paths: RadarPaths, mask: npt.NDArray[np.bool_]) -> RadarPaths:
+    return paths if mask.all() else paths.select(mask)
 
 
 def _of_symbols(
@@ -299,7 +303,7 @@ def _signals(paths: RadarPaths, radar: RadarSpec, tolerance: float | None) -> It
         motion = (paths.length_rate, paths.length_acceleration)
         partition = groups.partition(radar, paths.length, *motion, tolerance)
     for index, transform in partition:
-        yield _of_center(paths if len(index) == paths.num_paths else paths.select(index), radar, transform)
+        yield _of_center(paths.select(index), radar, transform)
 
 
 def _of_center(paths: RadarPaths, radar: RadarSpec, transform: groups.Method | None) -> Signal:

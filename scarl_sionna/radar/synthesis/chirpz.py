@@ -18,18 +18,17 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 
 import finufft
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
-from scipy.interpolate import CubicSpline
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
-from .phase import FrameGrid, delay_terms, phasor
+from .phase import FrameGrid, delay_terms, outer_phasor, phasor
+from .spreading import GUARD, KERNEL_CELLS, Spreader, Strips, in_blocks
 
 Array = npt.NDArray[np.float64]
 
@@ -48,9 +47,13 @@ MIN_TOLERANCE = 1e-9
 """Smallest tolerance of the method: float64 phases and the table of the kernel's transform hold no more."""
 MAX_CELLS = 8_000_000
 """Largest grid: bounds the memory."""
-KERNEL_CELLS, KERNEL_SHIFTS = 64, 8
-"""Grid and shifts of the point on which the spreading kernel is measured."""
-BLOCK_VALUES = 1 << 17
+MOST_TURNS = 1.25
+"""Turns a sample over which paths are spread without a fold: what lies over more range goes round."""
+BLOCK_PATHS = 1 << 14
+"""Paths whose phases are worked out at once, so that they stay in the cache."""
+EVEN = 32
+"""Lengths of Bluestein's transforms are multiples of it: 1331 takes a third longer than 1344."""
+BLOCK_VALUES = 1 << 16
 """Values of the chirp-z transform worked on at once, whole rows, so that they stay in the cache."""
 
 
@@ -68,11 +71,20 @@ class PathPhase:
     def of(cls, radar: RadarSpec, length: Array, rate: Array, tx: int, reference: float) -> PathPhase:
         """Return the constant [cycles], S tau and alpha [Hz], v [1/s2] and u squared; `reference` is tau_ref [s]."""
         grid, sweep = FrameGrid(radar), radar.waveform.sweep
-        constant, over_x, doppler, middle_rate = grid.expand(*delay_terms(length, rate, np.zeros_like(rate)), tx)
-        beat = over_x - doppler
+        inverse = 1.0 / (SPEED_OF_LIGHT + 0.5 * rate)
+        turn = rate * inverse
+        delay = length * inverse + grid.center_time(tx) * turn
+        beat = sweep.slope * delay
         seen, expected = sweep.video * beat, sweep.video * sweep.slope * reference
-        difference = (seen - expected) / ((grid.center_frequency - seen) * (grid.center_frequency - expected))
-        return cls(constant, beat, doppler, doppler * sweep.slope * difference, middle_rate**2)
+        constant = delay * (grid.center_frequency - 0.5 * seen)
+        doppler = turn * (grid.center_frequency - seen)
+        stretched = sweep.slope * stretch_apart(grid.center_frequency, seen, expected)
+        return cls(constant, beat, doppler, doppler * stretched, turn * turn)
+
+
+def stretch_apart(center: float, seen: npt.NDArray[np.floating], expected: float) -> Array:
+    """Return 1 / (f_c - S tau) - 1 / f_ref [s] for beat frequencies that the mixer sees [Hz]."""
+    return np.asarray((seen - expected) / ((center - seen) * (center - expected)))
 
 
 @dataclass(frozen=True)
@@ -91,8 +103,12 @@ class Layout:
         Corrections held: "migration", "square".
     cell : float
         Width of a Doppler cell [Hz].
-    shape : tuple of int
-        Cells over fast frequency and Doppler.
+    strips : Strips
+        The grid over fast frequency and Doppler.
+    beats : tuple of float
+        Smallest and largest S tau [Hz].
+    folds : bool
+        Whether S tau is taken modulo the sample rate.
     """
 
     delay: float
@@ -102,7 +118,9 @@ class Layout:
     terms: tuple[str, ...]
     phases: dict[str, float]
     cell: float
-    shape: tuple[int, int]
+    strips: Strips
+    beats: tuple[float, float]
+    folds: bool
 
     @classmethod
     def of(cls, radar: RadarSpec, length: Array, rate: Array, tolerance: float) -> Layout | None:
@@ -136,27 +154,40 @@ class Layout:
                 budget -= phases[name]
             else:
                 terms.append(name)
-        cell, shape = cls._grid(radar, doppler[1] + 1e-6 * largest, x, q, tolerance)
-        if not grid.even or tolerance < MIN_TOLERANCE or budget < 0.0 or shape[0] * shape[1] > MAX_CELLS:
+        turns, folds = _turns(radar, phase, extent)
+        cell, strips = cls._grid(radar, doppler[1] + 1e-6 * largest, (x, q), turns, tolerance)
+        if not grid.even or tolerance < MIN_TOLERANCE or budget < 0.0 or strips.rows * strips.columns > MAX_CELLS:
             return None
-        return cls(reference, doppler, squared, migration, tuple(terms), phases, cell, shape)
+        beats = float(phase.range_frequency.min()), float(phase.range_frequency.max())
+        return cls(reference, doppler, squared, migration, tuple(terms), phases, cell, strips, beats, folds)
 
     @staticmethod
     def _grid(
-        radar: RadarSpec, half_span: float, x: float, q: float, tolerance: float
-    ) -> tuple[float, tuple[int, int]]:
+        radar: RadarSpec, half_span: float, reach: tuple[float, float], turns: tuple[float, float], tolerance: float
+    ) -> tuple[float, Strips]:
+        x, q = reach
         stretch = 1.0 + abs(radar.waveform.sweep.slope) * x / radar.waveform.sweep.start_frequency
         upsampling = _upsampling(tolerance)
         cell = 1.0 / (2.0 * upsampling * max(q * stretch, 0.5 / radar.sample_rate))
-        # no path may reach round the edge of the unfolded axis: room for the widest kernel
-        columns = max(KERNEL_CELLS, 2 * int(half_span / cell + 0.5 * KERNEL_CELLS / 2))
         rows = max(KERNEL_CELLS, int(np.ceil(upsampling * radar.num_samples)))
-        return cell, (2 * fft.next_fast_len(-(-rows // 2)), columns + columns % 2)
+        rows = 2 * fft.next_fast_len(-(-rows // 2))
+        return cell, Strips.over(rows, (turns[0] * rows, turns[1] * rows), 2.0 * half_span / cell)
 
     @property
     def num_terms(self) -> int:
         """Number of spreadings and transforms a pair."""
         return 1 + len(self.terms)
+
+
+def _turns(radar: RadarSpec, phase: PathPhase, extent: float) -> tuple[tuple[float, float], bool]:
+    """Return between which turns a sample the beat frequencies of all pairs are, and whether whole turns are taken off.
+
+    `extent` is by how much lengths differ between pairs [m].
+    """
+    around = abs(radar.waveform.sweep.slope) * extent / SPEED_OF_LIGHT
+    low = (float(phase.range_frequency.min()) - around) / radar.sample_rate
+    high = (float(phase.range_frequency.max()) + around) / radar.sample_rate
+    return ((low, high), False) if high - low <= MOST_TURNS else ((0.0, 1.0), True)
 
 
 def _middle(values: Array) -> tuple[float, float]:
@@ -170,40 +201,40 @@ def _upsampling(tolerance: float) -> float:
     return 1.5 if tolerance >= 1e-7 else 2.0
 
 
-@dataclass(frozen=True)
-class _Spreader:
-    """Precision of one term's spreading, and the Fourier transform of its kernel."""
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """Straight paths in the order of strips, shape (num_paths,).
 
-    dtype: str
-    eps: float
-    upsampling: float
+    Attributes
+    ----------
+    order : ndarray of int, optional
+        Places among the paths as given; None if that is their order.
+    slices : list of slice
+        Of each strip.
+    row, column : ndarray of float64
+        Cells over range and Doppler.
+    factor : ndarray of complex128
+        What the amplitudes are turned by.
+    weights : dict of str to ndarray of float64
+        Of the correction terms that are spread.
+    """
 
-    def plan(self, shape: tuple[int, int]) -> finufft.Plan:
-        """Return a plan that only spreads."""
-        return finufft.Plan(
-            1, shape, eps=self.eps, isign=1, dtype=self.dtype, nthreads=1, upsampfac=self.upsampling, spreadinterponly=1
-        )
+    order: npt.NDArray[np.intp] | None
+    slices: list[slice]
+    row: Array
+    column: Array
+    factor: npt.NDArray[np.complex128]
+    weights: dict[str, Array]
 
-    @property
-    def real(self) -> type[np.floating]:
-        """Type of the points."""
-        return np.float64 if self.dtype == "complex128" else np.float32
 
-    @lru_cache(maxsize=64)  # noqa: B019
-    def kernel_transform(self) -> CubicSpline:
-        """Return the kernel's Fourier transform over cycles a cell in [-1/2, 1/2], measured on points between cells."""
-        plan = self.plan((KERNEL_CELLS, KERNEL_CELLS))
-        turns = np.linspace(-0.5, 0.5, 4097)
-        total = np.zeros_like(turns)
-        for shift in range(KERNEL_SHIFTS):  # the mean over shifts removes the aliases that one set of samples has
-            point = np.full(1, 2.0 * np.pi * shift / (KERNEL_SHIFTS * KERNEL_CELLS), dtype=self.real)
-            plan.setpts(point, point.copy())
-            values = plan.execute(np.ones(1, dtype=self.dtype)).real.astype(np.float64)
-            samples = values.sum(axis=1) / np.sqrt(values.sum())
-            used = np.flatnonzero(samples)
-            offset = used - KERNEL_CELLS // 2 - shift / KERNEL_SHIFTS
-            total += np.cos(2.0 * np.pi * turns[:, None] * offset) @ samples[used]
-        return CubicSpline(turns, total / KERNEL_SHIFTS)
+@dataclass(frozen=True, eq=False)
+class _Room:
+    """Memory that one thread works in: planned spreadings, cells of a strip, rows of samples for each term."""
+
+    plans: list[finufft.Plan]
+    spread: list[npt.NDArray[np.complexfloating]]
+    folded: list[npt.NDArray[np.complexfloating]]
+    samples: list[npt.NDArray[np.complexfloating]]
 
 
 class Transform:
@@ -213,37 +244,81 @@ class Transform:
         self._radar, self._layout, self._grid = radar, layout, FrameGrid(radar)
         self._dtype = np.dtype("complex64" if single_precision(tolerance) else "complex128")
         self._half_square = 0.5 * (self._grid.x[-1] + self._grid.y[-1]) ** 2
-        self._spreaders = [_spreader(SPREAD_SHARE * tolerance, tolerance, layout.shape)]
-        for name in layout.terms:
-            error = CORRECTION_SHARE * tolerance / (len(layout.terms) * layout.phases[name])
-            self._spreaders.append(_spreader(min(error, 0.03), tolerance, layout.shape))
+        self._spreaders = {"": _spreader(SPREAD_SHARE * tolerance, tolerance, layout.strips.shape)}
         sweep = radar.waveform.sweep
         center = sweep.start_frequency + sweep.slope * (self._grid.ts_center - sweep.video * layout.delay)
         stretch = 1.0 + sweep.slope * self._grid.x / center
         self._video_slope = sweep.video * sweep.slope
-        self._length = fft.next_fast_len(layout.shape[1] + radar.num_chirps - 1)
+        self._by_cell: tuple[Array, Array] | None = None
+        for name in layout.terms:
+            error = CORRECTION_SHARE * tolerance / len(layout.terms)
+            if name == "migration" and self._cell_error(stretch) <= error:
+                self._by_cell = self._cell_weights()
+            else:
+                error /= layout.phases[name]
+                self._spreaders[name] = _spreader(min(error, 0.03), tolerance, layout.strips.shape)
+        self._length = EVEN * fft.next_fast_len(-(-(layout.strips.columns + radar.num_chirps - 1) // EVEN))
         self._first, self._kernel = self._chirps(stretch)
         self._last = self._screens(stretch)
         self._local = threading.local()
+
+    def _cell_error(self, stretch: Array) -> float:
+        """Return the largest error of the migration's correction if its weights are those of cells, not of paths.
+
+        A weight by cell, linear over the cells, is that of the path and, in quadrature, the slope of the logarithm of
+        the kernel's transform.
+        """
+        layout, radar, grid = self._layout, self._radar, self._grid
+        if layout.folds:
+            return float("inf")
+        kernel, rows = self._spreaders[""].kernel_transform(), layout.strips.rows
+        q = sum(grid.reach)
+        edges = 0.5 * radar.num_samples / rows, layout.cell * q * stretch.max()
+        by_range, by_doppler = (
+            np.abs(kernel.derivative()(place) / kernel(place)).max() / (2.0 * np.pi)
+            for place in (np.linspace(0.0, edge, 65) for edge in edges)
+        )
+        by_range *= np.ptp(self._stretch_apart(np.array([0.0, radar.sample_rate / rows])))
+        by_doppler *= layout.cell
+        apart, doppler = np.abs(self._stretch_apart(np.array(layout.beats))).max(), sum(np.abs(layout.doppler))
+        error = doppler * by_range + apart * by_doppler + by_range * by_doppler
+        return float(2.0 * np.pi * grid.reach[0] * q * error)
+
+    def _stretch_apart(self, beat: npt.NDArray[np.floating]) -> Array:
+        """Return v over alpha [1/s] at beat frequencies [Hz]."""
+        expected = self._video_slope * self._layout.delay
+        sweep = self._radar.waveform.sweep
+        return np.asarray(sweep.slope * stretch_apart(self._grid.center_frequency, sweep.video * beat, expected))
+
+    def _cell_weights(self) -> tuple[Array, Array]:
+        """Return the factors of the migration's correction over range and over Doppler cells, once for re and im."""
+        layout, strips = self._layout, self._layout.strips
+        beat = (strips.first_row + np.arange(strips.reach)) * (self._radar.sample_rate / strips.rows)
+        doppler = layout.doppler[0] + layout.cell * (np.arange(strips.columns) - strips.columns // 2)
+        over_range, over_doppler = self._stretch_apart(beat)[:, None] / layout.migration, np.repeat(doppler, 2)
+        real = np.zeros(0, dtype=self._dtype).real.dtype
+        return over_range.astype(real), over_doppler.astype(real)
 
     def _chirps(self, stretch: Array) -> tuple[npt.NDArray[np.complexfloating], npt.NDArray[np.complexfloating]]:
         """Return Bluestein's factors before the convolution (samples, cells) and the kernel's spectrum.
 
         The spectrum has the shape (samples, length).
         """
-        num_columns, num_chirps = self._layout.shape[1], self._radar.num_chirps
-        step = self._layout.cell * self._radar.doppler_interval * stretch[:, None]
+        layout, (x, count) = self._layout, (self._grid.x, self._radar.num_samples)
+        num_columns, num_chirps = layout.strips.columns, self._radar.num_chirps
         column = np.arange(num_columns) - num_columns // 2
-        # the grid's first row is half a turn off: one sign for every mode
-        mode = np.arange(self._radar.num_samples) - self._radar.num_samples // 2
-        start = (self._layout.cell * self._grid.x * stretch)[:, None]
-        first = phasor(column * (start + 0.5 * step * column) + 0.5 * mode[:, None])
         lag = np.zeros(self._length)
         lag[:num_chirps] = np.arange(num_chirps)
         lag[self._length - num_columns + 1 :] = np.arange(1 - num_columns, 0)
         lag += num_columns // 2 - 0.5 * (num_chirps - 1)
-        kernel = phasor(-0.5 * step * lag**2)
-        return first.astype(self._dtype), fft.fft(kernel, axis=1, overwrite_x=True).astype(self._dtype)
+        # the stretch is a straight line over the samples: of its part of a phase a few rows give all others
+        step = 0.5 * layout.cell * self._radar.doppler_interval * stretch[[0, 1 if count > 1 else 0]]
+        step[1] -= step[0]
+        first = outer_phasor(count, step[0] * column**2, step[1] * column**2, self._dtype)
+        start = layout.cell * x * stretch
+        first *= outer_phasor(num_columns, column[0] * start, start, self._dtype).T
+        kernel = outer_phasor(count, -step[0] * lag**2, -step[1] * lag**2, self._dtype)
+        return first, fft.fft(kernel, axis=1, overwrite_x=True)
 
     def _screens(self, stretch: Array) -> list[npt.NDArray[np.complexfloating]]:
         """Return each term's factors on the samples after the convolution, shape (samples, chirps)."""
@@ -259,12 +334,13 @@ class Transform:
             "square": -2.0 * np.pi * layout.squared_rate[1] * square,
         }
         mode = np.arange(radar.num_samples) - radar.num_samples // 2
-        screens = []
-        for name, spreader in zip((None, *layout.terms), self._spreaders, strict=True):
-            kernel = spreader.kernel_transform()
-            values = base / (kernel(mode / layout.shape[0])[:, None] * kernel(layout.cell * slow))
-            if name is not None:
-                values *= 1j * factors[name]
+        known, screens = {}, []
+        for name in ("", *layout.terms):
+            spreader = self._spreaders.get(name, self._spreaders[""])
+            if spreader not in known:
+                kernel = spreader.kernel_transform()
+                known[spreader] = base / (kernel(mode / layout.strips.rows)[:, None] * kernel(layout.cell * slow))
+            values = known[spreader] * (1j * factors[name]) if name else known[spreader]
             screens.append(values.astype(self._dtype))
         return screens
 
@@ -278,57 +354,129 @@ class Transform:
         self, amplitudes: npt.NDArray[np.complex128], length: Array, rate: Array, tx: int
     ) -> Iterator[npt.NDArray[np.complexfloating]]:
         """Yield the signal for each row of amplitudes, shape (num_rows, num_paths), of the same paths."""
-        radar, layout = self._radar, self._layout
-        phase = PathPhase.of(radar, length, rate, tx, layout.delay)
-        turn = phase.range_frequency / radar.sample_rate
-        half = 0.5 * (1 - radar.num_samples % 2)  # the modes are whole numbers from -(N // 2)
-        square = phase.squared_rate - layout.squared_rate[0]
-        offset = phase.constant + half * turn - (0.5 * self._video_slope * self._half_square) * phase.squared_rate
-        turned = phasor(offset)
-        over_range = 2.0 * np.pi * (turn - np.rint(turn))
-        over_doppler = (2.0 * np.pi / (layout.cell * layout.shape[1])) * (phase.doppler - layout.doppler[0])
-        weights = {"migration": (phase.migration, layout.migration), "square": (square, layout.squared_rate[1])}
-        plans = self._plans()
-        for spreader, plan in zip(self._spreaders, plans, strict=True):
-            plan.setpts(over_range.astype(spreader.real), over_doppler.astype(spreader.real))
+        points, room = self._points(length, rate, tx), self._room()
         for amplitude in amplitudes:
-            strength = amplitude * turned
-            out = np.zeros((radar.num_samples, radar.num_chirps), dtype=self._dtype)
-            for name, spreader, plan, screen in zip(
-                (None, *layout.terms), self._spreaders, plans, self._last, strict=True
-            ):
-                values = strength if name is None else strength * (weights[name][0] / weights[name][1])
-                self._add(out, plan.execute(values.astype(spreader.dtype)).astype(self._dtype, copy=False), screen)
-            yield out.T
+            self._spread(amplitude if points.order is None else amplitude[points.order], points, room)
+            yield self._chirped(room).T
 
-    def _plans(self) -> list[finufft.Plan]:
-        """Return the calling thread's plans.
+    def order(self, length: Array, rate: Array) -> npt.NDArray[np.intp]:
+        """Return the order in which paths are worked on fastest, by lengths and rates between the array centres."""
+        layout = self._layout
+        phase = PathPhase.of(self._radar, length, rate, 0, layout.delay)
+        return layout.strips.order(self._row(phase), self._column(phase))
 
-        They run on that thread alone, so that sums keep their order: same bytes.
-        """
-        if not hasattr(self._local, "plans"):
-            self._local.plans = [spreader.plan(self._layout.shape) for spreader in self._spreaders]
-        return self._local.plans
+    def _row(self, phase: PathPhase) -> Array:
+        turn = phase.range_frequency / self._radar.sample_rate
+        if self._layout.folds:
+            turn -= np.floor(turn)
+        return turn * self._layout.strips.rows
 
-    def _add(
-        self,
-        out: npt.NDArray[np.complexfloating],
-        cells: npt.NDArray[np.complexfloating],
-        screen: npt.NDArray[np.complexfloating],
+    def _column(self, phase: PathPhase) -> Array:
+        layout = self._layout
+        return (phase.doppler - layout.doppler[0]) / layout.cell + layout.strips.columns // 2
+
+    def _points(self, length: Array, rate: Array, tx: int) -> _Points:
+        layout, radar, count = self._layout, self._radar, len(length)
+        row, column, factor = np.empty(count), np.empty(count), np.empty(count, dtype=np.complex128)
+        weights = {name: np.empty(count) for name in self._spreaders if name}
+        half = 0.5 * (1 - radar.num_samples % 2) / radar.sample_rate  # the modes are whole numbers from -(N // 2)
+        for block in in_blocks(count, BLOCK_PATHS):
+            phase = PathPhase.of(radar, length[block], rate[block], tx, layout.delay)
+            offset = phase.constant + half * phase.range_frequency
+            offset -= (0.5 * self._video_slope * self._half_square) * phase.squared_rate
+            factor[block] = phasor(offset)
+            row[block], column[block] = self._row(phase), self._column(phase)
+            for name, weight in weights.items():
+                if name == "migration":
+                    weight[block] = phase.migration / layout.migration
+                else:
+                    weight[block] = (phase.squared_rate - layout.squared_rate[0]) / layout.squared_rate[1]
+        slices = layout.strips.slices(column)
+        if slices is not None:
+            return _Points(None, slices, row, column, factor, weights)
+        order = layout.strips.order(row, column)
+        row, column, factor = row[order], column[order], factor[order]
+        slices = layout.strips.slices(column)
+        assert slices is not None  # sorted
+        return _Points(order, slices, row, column, factor, {name: value[order] for name, value in weights.items()})
+
+    def _room(self) -> _Room:
+        """Return the calling thread's memory and plans, which no other uses: sums keep their order, same bytes."""
+        if not hasattr(self._local, "room"):
+            strips, spreaders, count = self._layout.strips, self._spreaders.values(), 1 + len(self._layout.terms)
+            samples = [np.zeros((self._radar.num_samples, self._length), dtype=self._dtype) for _ in range(count)]
+            self._local.room = _Room(
+                plans=[spreader.plan(strips.shape) for spreader in spreaders],
+                spread=[np.zeros(strips.shape, dtype=spreader.dtype) for spreader in spreaders],
+                folded=[np.zeros((strips.rows, strips.shape[1]), dtype=self._dtype) for _ in range(count)],
+                samples=samples,
+            )
+        room: _Room = self._local.room
+        return room
+
+    def _spread(self, amplitude: npt.NDArray[np.complex128], points: _Points, room: _Room) -> None:
+        """Spread paths and transform over range: the samples of each term over Doppler cells, into `room.samples`."""
+        strips, behind = self._layout.strips, 2 * GUARD
+        carried: list[npt.NDArray[np.complexfloating]] | None = None  # what a strip reaches into the next, of each term
+        for number, inside in enumerate(points.slices):
+            done, filled = strips.columns_of(number), inside.stop > inside.start
+            if filled:
+                self._spread_strip(number, amplitude[inside], points, room)
+                for cells, reached in zip(room.folded, carried or [], strict=carried is not None):
+                    cells[:, :behind] += reached
+            elif carried is not None:
+                for cells, reached in zip(room.folded, carried, strict=True):
+                    cells[:, :behind], cells[:, behind:] = reached, 0.0
+            else:
+                for samples in room.samples:
+                    samples[:, done] = 0.0
+                continue
+            carried = [cells[:, strips.width :].copy() for cells in room.folded] if filled else None
+            for name, cells, samples in zip(("", *self._layout.terms), room.folded, room.samples, strict=True):
+                self._over_range(cells[:, : done.stop - done.start], samples, done)
+                if name == "migration" and self._by_cell is not None:
+                    weights, twice = self._by_cell[1], slice(2 * done.start, 2 * done.stop)
+                    samples.view(weights.dtype)[:, twice] *= weights[twice]
+
+    def _over_range(
+        self, cells: npt.NDArray[np.complexfloating], out: npt.NDArray[np.complexfloating], columns: slice
     ) -> None:
-        """Add one term's transform of the spread cells (range, Doppler) to `out` (samples, chirps)."""
-        count, (num_chirps, num_rows) = len(out), (out.shape[1], len(cells))
-        rows = fft.ifft(cells, axis=0, norm="forward", overwrite_x=True)
-        many = max(1, BLOCK_VALUES // self._length)
-        for start in range(0, count, many):
-            block = slice(start, min(start + many, count))
-            source = (np.arange(block.start, block.stop) - count // 2) % num_rows
-            values = rows[source]
-            values *= self._first[block]
-            spectrum = fft.fft(values, n=self._length, axis=1)
-            spectrum *= self._kernel[block]
-            values = fft.ifft(spectrum, axis=1, overwrite_x=True)[:, :num_chirps]
-            out[block] += values * screen[block]
+        """Transform cells over range, in place, and put them times Bluestein's factors into columns of `out`."""
+        found = fft.ifft(cells, axis=0, norm="forward", overwrite_x=True)
+        before = self._radar.num_samples // 2
+        rest = len(out) - before
+        np.multiply(found[len(found) - before :], self._first[:before, columns], out=out[:before, columns])
+        np.multiply(found[:rest], self._first[before:, columns], out=out[before:, columns])
+
+    def _spread_strip(self, number: int, amplitude: npt.NDArray[np.complex128], points: _Points, room: _Room) -> None:
+        """Put the points of a strip onto each term's cells of it."""
+        strips, inside = self._layout.strips, points.slices[number]
+        strength = amplitude * points.factor[inside]
+        angles: dict[type[np.floating], tuple[Array, Array]] = {}
+        targets = dict(zip(("", *self._layout.terms), room.folded, strict=True))
+        for (name, spreader), plan, cells in zip(self._spreaders.items(), room.plans, room.spread, strict=True):
+            if spreader.real not in angles:
+                angles[spreader.real] = strips.angles(points.row[inside], points.column[inside], number, spreader.real)
+            values = strength if not name else strength * points.weights[name][inside]
+            plan.setpts(*angles[spreader.real])
+            plan.execute(values.astype(spreader.dtype, copy=False), out=cells)
+            by_cell = None if name or self._by_cell is None else (targets["migration"], self._by_cell[0])
+            strips.fold(cells, targets[name], by_cell)
+
+    def _chirped(self, room: _Room) -> npt.NDArray[np.complexfloating]:
+        """Return the signal (samples, chirps) from the samples of each term over Doppler cells."""
+        count, num_chirps = self._radar.num_samples, self._radar.num_chirps
+        out = np.empty((count, num_chirps), dtype=self._dtype)
+        for block in in_blocks(count, max(1, BLOCK_VALUES // self._length)):
+            for number, (samples, screen) in enumerate(zip(room.samples, self._last, strict=True)):
+                spectrum = fft.fft(samples[block], axis=1)
+                spectrum *= self._kernel[block]
+                values = fft.ifft(spectrum, axis=1, overwrite_x=True)[:, :num_chirps]
+                if number:
+                    out[block] += values * screen[block]
+                else:
+                    np.multiply(values, screen[block], out=out[block])
+        return out
 
 
 def is_straight(radar: RadarSpec, acceleration: Array, tolerance: float) -> npt.NDArray[np.bool_]:
@@ -345,7 +493,7 @@ def single_precision(tolerance: float) -> bool:
     return ROUNDING_SHARE * tolerance >= SINGLE_ROUNDING
 
 
-def _spreader(error: float, tolerance: float, shape: tuple[int, int]) -> _Spreader:
+def _spreader(error: float, tolerance: float, shape: tuple[int, int]) -> Spreader:
     """Return the spreading that keeps a lone tone within an error."""
     dtype = "complex64" if error >= SINGLE_POINT_ERROR * sum(shape) else "complex128"
-    return _Spreader(dtype, min(max(error / EPS_TO_ERROR, 1e-14), 0.01), _upsampling(tolerance))
+    return Spreader(dtype, min(max(error / EPS_TO_ERROR, 1e-14), 0.01), _upsampling(tolerance))

@@ -18,7 +18,9 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 MAX_CHUNK_PATHS = 200_000
-"""Paths transformed at once: bounds the memory."""
+"""Paths transformed at once by the series: bounds the memory."""
+MAX_CHIRPZ_PATHS = 2_000_000
+"""Likewise by the chirp-z method, which has no more than some columns of them in memory."""
 MAX_BINS = 16
 """Most velocity bins tried."""
 MAX_TERMS = 24
@@ -38,6 +40,10 @@ class Method(Protocol):
         self, amplitudes: npt.NDArray[np.complex128], length: Array, rate: Array, tx: int
     ) -> Iterator[npt.NDArray[np.complexfloating]]:
         """Yield the signal for each row of amplitudes, shape (num_rows, num_paths), of the same straight paths."""
+        ...
+
+    def order(self, length: Array, rate: Array) -> Index:
+        """Return the order in which paths are summed fastest, by lengths and rates between the array centres."""
         ...
 
     def signal(
@@ -66,8 +72,8 @@ def partition(
             layout = chirpz.Layout.of(radar, length[index], rate[index], tolerance)
         if layout is not None and _chirpz_cost(radar, layout, len(index), tolerance) < cost:
             transform = chirpz.Transform(radar, layout, tolerance)
-            chunks = np.array_split(index, -(-len(index) // MAX_CHUNK_PATHS))
-            groups += [(chunk, transform) for chunk in chunks]
+            for chunk in np.array_split(index, -(-len(index) // MAX_CHIRPZ_PATHS)):
+                groups.append((chunk[transform.order(length[chunk], rate[chunk])], transform))
         else:
             groups += [
                 (index[inner], None if box is None else nufft.Transform(radar, box, tolerance)) for inner, box in boxes
@@ -99,7 +105,7 @@ def straight(radar: RadarSpec, length: Array, rate: Array, count: int, tolerance
 
 def _chirpz_cost(radar: RadarSpec, layout: chirpz.Layout, count: int, tolerance: float) -> float:
     """Return the seconds of one pair."""
-    rows, columns = layout.shape
+    rows, columns = layout.strips.rows, layout.strips.columns
     values = rows * columns + 2 * radar.num_samples * (columns + radar.num_chirps)
     wide = 1.0 if chirpz.single_precision(tolerance) else 2.0
     return layout.num_terms * (count * CHIRPZ_SPREAD_COST + wide * values * CHIRPZ_FFT_COST)

@@ -67,16 +67,17 @@ class Plan:
 
 def linear_signal(paths: RadarPaths, radar: RadarSpec, tolerance: float | None) -> Signal:
     """Return what makes the signal of paths in linear motion; None as the tolerance is the plain sum."""
-    terms = PairTerms.of(paths, radar)
-    terms.start(0, 0)  # what all pairs share, before there are threads
-    geometry = terms.geometry
-    still = np.zeros(paths.num_paths)
     method = None
     if tolerance is not None:
         samples, apart = radar.num_samples * radar.num_chirps, float(Change.of(paths, radar).apart.max())
         if paths.num_paths * samples * groups.DIRECT_COST > samples * SCREEN_COST:
-            tones = Tones(geometry.center_length(), paths.length_rate)
+            tones = Tones(paths.length, paths.length_rate)
             method = _straight(radar, tones, apart, paths.num_paths, tolerance)
+            if method is not None:
+                paths = paths.select(method.order(*tones))
+    terms = PairTerms.of(paths, radar)
+    terms.start(0, 0)  # what all pairs share, before there are threads
+    geometry, still = terms.geometry, np.zeros(paths.num_paths)
 
     def of_pair(tx: int, rx: int) -> npt.NDArray[np.complexfloating]:
         found = terms.start(tx, rx)

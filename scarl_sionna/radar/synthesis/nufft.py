@@ -204,6 +204,10 @@ class Transform:
         """Of the regular transform: of a single chirp there is one axis only."""
         return self._shape if self._shape[0] > 1 else self._shape[1:]
 
+    def order(self, length: Array, rate: Array) -> npt.NDArray[np.intp]:
+        """Return the order of the paths as it is: finufft sorts them itself."""
+        return np.arange(len(length))
+
     def signal(
         self, amplitude: npt.NDArray[np.complex128], length: Array, rate: Array, acceleration: Array, tx: int
     ) -> npt.NDArray[np.complex128]:
