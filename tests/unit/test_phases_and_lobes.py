@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scarl_sionna.radar.labels.spread import _Lobe, main_lobe
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.labels.labels import _distinct
+from scarl_sionna.radar.labels.spread import PathCells, _Lobe, _without_main, main_lobe, sides_of
+from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis.expansion import polynomials
-from scarl_sionna.radar.synthesis.motion import Arms
-from scarl_sionna.radar.synthesis.phase import phasor
+from scarl_sionna.radar.synthesis.motion import Arms, PairTerms
+from scarl_sionna.radar.synthesis.phase import outer_phasor, phasor
+from scarl_sionna.signal.windows import window_values
 
 
 def test_a_phasor_is_a_cosine_and_a_sine_to_the_last_digits() -> None:
@@ -18,6 +26,15 @@ def test_a_phasor_is_a_cosine_and_a_sine_to_the_last_digits() -> None:
     angle = 2.0 * np.pi * (cycles - np.rint(cycles))
     found = phasor(cycles.reshape(-1, 4)).reshape(-1)
     assert np.abs(found - (np.cos(angle) + 1j * np.sin(angle))).max() < 2e-15  # a few roundings of 1.1e-16 each
+
+
+@pytest.mark.parametrize("count", [1, 7, 32, 100])
+def test_rows_of_phasors_are_products(count: int) -> None:
+    rng = np.random.default_rng(4)
+    start, step = rng.uniform(-30.0, 30.0, (2, 5))
+    expected = phasor(start + np.arange(count)[:, None] * step)
+    assert np.abs(outer_phasor(count, start, step) - expected).max() < 1e-11  # of 3e3 cycles in float64
+    assert np.abs(outer_phasor(count, start, step, np.complex64) - expected).max() < 1e-6
 
 
 def test_polynomials_are_cosines_of_multiples() -> None:
@@ -58,3 +75,42 @@ def test_a_lobe_on_bins_is_its_table_at_their_distances(window: str, num_bins: i
     every = np.arange(num_bins) * (count / num_bins) - place[:, None]
     every = np.abs(every - count * np.rint(every / count))
     assert covered[every < step[-1] - 1e-9].all()  # no bin of the lobe is left out
+
+
+@pytest.mark.parametrize("num_bins", [64, 128, 100])
+def test_sidelobes_beside_a_main_lobe_leave_out_zeros_only(num_bins: int) -> None:
+    count, main = 64, len(main_lobe("hann", 64))
+    beside = _without_main(sides_of(window_values("hann", count), 6), main)
+    place = np.concatenate([np.random.default_rng(5).uniform(0.0, count, 200), [0.0, 5.0, 63.5, 10.0 / 256.0]])
+    found = []
+    for hole in (0, main):
+        bins, value = _Lobe(beside, hole).bins(place, count, num_bins)
+        assert bins.shape[1] <= 13 * num_bins // count + 1 - (3 * num_bins // count if hole else 0)
+        found.append(np.zeros((len(place), num_bins)))
+        np.put_along_axis(found[-1], bins.astype(np.int64), value, axis=1)
+    assert found[0].any()
+    assert np.array_equal(*found)
+
+
+def test_fields_of_linear_paths_are_those_of_any_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(6)
+    radar = RadarSpec().with_(multiplexing="tdm")
+    mount = Mount(Pose([1.0, 2.0, 0.5]), Twist([20.0, 1.0, 0.0]))
+    positions = mount.pose.position + rng.uniform((5.0, -40.0, -2.0), (150.0, 40.0, 2.0), (50, 3))
+    paths = point_targets(positions, rng.uniform(-30.0, 30.0, (50, 3)), 1.0, radar, mount)
+    paths = dataclasses.replace(paths, linear_motion=np.ones(50, dtype=np.bool_))
+    assert PairTerms.of(paths, radar).is_linear
+    found = []
+    for _ in range(2):
+        cells = PathCells.of(paths, radar)
+        found.append(cells.put_middle(np.empty((50, radar.num_virtual), dtype=np.complex128)))
+        monkeypatch.setattr(PairTerms, "is_linear", False)  # the way of all others
+    assert np.abs(found[0] / found[1] - 1.0).max() < 1e-9
+    assert np.ptp(np.angle(found[0] / found[0][:, :1])) > 1.0  # the channels differ
+
+
+@pytest.mark.parametrize("values", [[3, 0, 3, 7, 0], [-2, 5, 5], [10**9, 4, 10**9], []])
+def test_distinct_numbers_and_their_places(values: list[int]) -> None:
+    numbers, place = _distinct(np.array(values, dtype=np.int64))
+    assert numbers.tolist() == sorted(set(values))
+    assert numbers[place].tolist() == values

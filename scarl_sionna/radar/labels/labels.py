@@ -32,6 +32,8 @@ Mask = npt.NDArray[np.bool_]
 
 SIDELOBE_LIMIT = 0.1
 """Power of an instance's sidelobes in a cell, over the noise in it, down to which they count."""
+_COUNTED = 1 << 16
+"""Whole numbers up to so many above the number of values are counted, not sorted: decides no result."""
 NO_INSTANCE = 0
 """Instance of what no path explains: noise, sidelobes, a line of sight between two radars."""
 
@@ -189,12 +191,25 @@ def _classes(paths: RadarPaths, instance: Ids, state: WorldState | None) -> npt.
     known = {NO_INSTANCE: 0}
     if paths.instance.shape[1]:
         ends = paths.instance[np.arange(paths.num_paths), np.maximum(paths.depth - 1, 0)]
-        numbers, first = np.unique(ends, return_index=True)
+        numbers, inverse = _distinct(ends)
+        first = np.empty(len(numbers), dtype=np.int64)
+        first[inverse[::-1]] = np.arange(len(ends))[::-1]  # the last that is written stays
         known |= {int(number): int(paths.semantic[row]) for number, row in zip(numbers, first, strict=True)}
     if state is not None:
         known |= {number: int(info.semantic) for number, info in state.world.instances.items()}
-    numbers, inverse = np.unique(instance, return_inverse=True)
-    return np.array([known.get(int(number), 0) for number in numbers], dtype=np.uint8)[inverse.reshape(-1)]
+    numbers, inverse = _distinct(instance)
+    return np.array([known.get(int(number), 0) for number in numbers], dtype=np.uint8)[inverse]
+
+
+def _distinct(values: npt.NDArray[np.integer]) -> tuple[npt.NDArray[np.integer], npt.NDArray[np.int64]]:
+    """Return which whole numbers there are, rising, and the place of each value among them."""
+    if not len(values) or values.min() < 0 or values.max() > len(values) + _COUNTED:
+        numbers, inverse = np.unique(values, return_inverse=True)
+        return numbers, inverse.reshape(-1).astype(np.int64)
+    numbers = np.flatnonzero(np.bincount(values))
+    place = np.zeros(int(numbers[-1]) + 1, dtype=np.int64)
+    place[numbers] = np.arange(len(numbers))
+    return numbers, place[values]
 
 
 def label_cells(
@@ -276,7 +291,8 @@ class _Groups:
     def rows(self) -> list[npt.NDArray[np.int64]]:
         """Return the paths of each group, rising."""
         counts = np.bincount(self.member, minlength=len(self.key))
-        return np.split(np.argsort(self.member, kind="stable"), np.cumsum(counts)[:-1]) if len(counts) else []
+        member = self.member.astype(np.uint16) if len(counts) < 1 << 16 else self.member  # sorted by counting
+        return np.split(np.argsort(member, kind="stable"), np.cumsum(counts)[:-1]) if len(counts) else []
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,8 +307,8 @@ class _Entries:
 def _groups(labels: PathLabels) -> _Groups:
     """Return the groups of paths."""
     both = 2 * labels.instance.astype(np.int64) + labels.is_ghost  # one number: rows of two sort many times as long
-    number, member = np.unique(both, return_inverse=True)
-    return _Groups(np.stack([number // 2, number % 2], axis=1), member.reshape(-1))
+    number, member = _distinct(both)
+    return _Groups(np.stack([number // 2, number % 2], axis=1), member)
 
 
 def _synthesized(rd: RangeDoppler, paths: RadarPaths) -> tuple[npt.NDArray[np.int64], Array]:

@@ -22,6 +22,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.motion import PairTerms
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
+from scarl_sionna.radar.synthesis.spreading import in_blocks
 from scarl_sionna.signal.processing import RangeDoppler, coupling
 from scarl_sionna.signal.receivers import response_weights
 from scarl_sionna.signal.uneven import middle_time
@@ -33,7 +34,7 @@ Index = npt.NDArray[np.int64]
 Cells = npt.NDArray[np.int32]
 
 _STEPS_PER_BIN = 256
-_CELLS_PER_BLOCK, _PATHS_PER_BLOCK = 1_000_000, 1 << 16
+_CELLS_PER_BLOCK, _PATHS_PER_BLOCK, _PATHS_AT_ONCE = 1_000_000, 1 << 16, 1 << 13
 MAX_REACH = 32
 """Bins to which a window's sidelobes are followed: Hann's are 95 dB down there, those without a window 40 dB. Those of
 a code do not fall: they are followed all the way."""
@@ -180,9 +181,11 @@ class PathCells:
     def put_middle(self, out: _FieldsT) -> _FieldsT:
         """Fill the fields of all paths at mid-frame [sqrt(W)] into an array (num_paths, num_virtual), and return it."""
         grid, radar = FrameGrid(self.radar), self.radar
-        for first in range(0, len(self.kept), _PATHS_PER_BLOCK):
-            block = slice(first, first + _PATHS_PER_BLOCK)
+        for block in in_blocks(len(self.kept), _PATHS_PER_BLOCK):
             pairs = PairTerms.of(self.paths.select(block), radar)
+            if pairs.is_linear:
+                self._put_linear(pairs, self.loss[block], out[block])
+                continue
             for tx in range(radar.num_tx):
                 for rx in range(radar.num_rx):
                     terms = delay_terms(*pairs.start(tx, rx))
@@ -191,6 +194,24 @@ class PathCells:
                     amplitude = pairs.geometry.pair_amplitude(tx, rx) * pairs.growth(tx, rx, grid.center_time(tx))
                     out[block, tx * radar.num_rx + rx] = amplitude * self.loss[block] * phasor(cycles)
         return out
+
+    def _put_linear(self, pairs: PairTerms, loss: Array, out: npt.NDArray[np.complexfloating]) -> None:
+        """Fill the fields of paths whose every pair has a rate and nothing else: the same, in a third of the time."""
+        grid, radar, sweep = FrameGrid(self.radar), self.radar, self.radar.waveform.sweep
+        sent, heard = pairs.shares()
+        for block in in_blocks(len(loss), _PATHS_AT_ONCE):
+            received = [[column[block] for column in one] for one in heard]
+            for tx, (length, rate, strength) in enumerate(sent):
+                start, speed, time = length[block], rate[block], grid.center_time(tx)
+                amplitude = pairs.geometry.amplitude[block] * (strength[block] * loss[block])
+                for rx, (more, faster, stronger) in enumerate(received):
+                    whole = speed + faster
+                    delay = start + more + time * whole
+                    delay /= SPEED_OF_LIGHT + 0.5 * whole
+                    tone = grid.center_frequency + radar.tx_frequency(tx) - (0.5 * sweep.video * sweep.slope) * delay
+                    turned = phasor(tone * delay + self._removed(delay))
+                    turned *= stronger
+                    np.multiply(turned, amplitude, out=out[block, tx * radar.num_rx + rx], casting="same_kind")
 
     def _stepped_lobe(self, x: Array, y: Array) -> Array:
         """Return how well a tone `x` range and `y` Doppler bins off adds up over chirps with own carriers."""
@@ -277,8 +298,8 @@ class CellSpread:
         if all(len(lobe) <= count for lobe, count in zip(wide, main, strict=True)):
             return None
         highest = max(float(np.abs(lobe[count:]).max(initial=0.0)) for lobe, count in zip(wide, main, strict=True))
-        beside = [_without_main(lobe, count) for lobe, count in zip(wide, main, strict=True)]
-        return _Arms(self, _Lobe(beside[0]), _Lobe(beside[1]), highest)
+        beside = [_Lobe(_without_main(lobe, count), count) for lobe, count in zip(wide, main, strict=True)]
+        return _Arms(self, beside[0], beside[1], highest)
 
     def _put(self, index: Index, footprint: _Footprint, filled: npt.NDArray[np.bool_]) -> None:
         """Add the fields of paths to those in the cells of their footprints, and mark these as filled."""
@@ -355,7 +376,7 @@ def _blocks(index: Index, footprint: _Footprint) -> list[Index]:
     """Return paths in blocks of a bounded number of cells."""
     if not len(index):
         return []
-    width = max(1, _CELLS_PER_BLOCK // footprint(index[:1])[0].shape[1])
+    width = max(1, _CELLS_PER_BLOCK // max(1, footprint(index[:1])[0].shape[1]))
     return [index[start : start + width] for start in range(0, len(index), width)]
 
 
@@ -377,7 +398,9 @@ class _Lobe:
     """A response from 0 on, symmetric, `_STEPS_PER_BIN` values a bin, and where it is on the bins of an axis."""
 
     values: Array
-    known: dict[tuple[int, int], tuple[Array, Array, Array]] = field(default_factory=dict)
+    hole: int = 0
+    """Values from 0 on that are 0."""
+    known: dict[tuple[int, bytes], tuple[Array, Array, Array]] = field(default_factory=dict)
 
     def bins(self, place: Array, count: int, num_bins: int) -> tuple[Cells, Array]:
         """Return the bins within the response about places on an axis [bins of `count`] and its value there.
@@ -389,22 +412,31 @@ class _Lobe:
         width = min(int(np.floor(2.0 * reach)) + 1, num_bins)
         first = np.ceil(place * scale - reach)
         step = (first / scale - place) * _STEPS_PER_BIN
-        bins: Cells = np.mod(first.astype(np.int32), np.int32(num_bins))[..., None] + np.arange(width, dtype=np.int32)
-        bins -= np.int32(num_bins) * (bins >= num_bins)
+        around = len(self.values) / _STEPS_PER_BIN > count / 2.0
+        column = np.arange(width) if around else self._columns(reach, width, scale)
+        bins: Cells = np.mod(first.astype(np.int32), np.int32(num_bins))[..., None] + column.astype(np.int32)
+        over = bins[..., -1] >= num_bins if len(column) else np.zeros(bins.shape[:-1], dtype=np.bool_)
+        bins[over] -= np.int32(num_bins) * (bins[over] >= num_bins)
         apart = _STEPS_PER_BIN * count / num_bins
-        if len(self.values) / _STEPS_PER_BIN > count / 2.0 or apart != int(apart):
-            offset = (step[..., None] + np.arange(width) * apart) / _STEPS_PER_BIN
+        if around or apart != int(apart):
+            offset = (step[..., None] + column * apart) / _STEPS_PER_BIN
             return bins, _lobe_at(self.values, _wrapped(offset, count))
         whole = np.maximum(np.floor(step), -len(self.values))  # rounding may lead below the table
         row = whole.astype(np.int64) + len(self.values)
-        return bins, self._between(row, step - whole, int(apart), width)
+        return bins, self._between(row, step - whole, int(apart), column)
 
-    def _between(self, row: Index, share: Array, apart: int, width: int) -> Array:
-        """Return the values at `width` places `apart` steps from each other, the first between two of the table.
+    def _columns(self, reach: float, width: int, scale: float) -> Index:
+        """Return which of `width` bins, the first at most a bin within `reach`, are not in the hole, wherever it is."""
+        inner = (self.hole - 1) / _STEPS_PER_BIN * scale
+        low, high = int(np.ceil(reach - inner)), int(np.floor(reach + inner))
+        return np.r_[:low, high:width] if low < high else np.arange(width)
+
+    def _between(self, row: Index, share: Array, apart: int, column: Index) -> Array:
+        """Return the values at columns `apart` steps from each other, the first between two of the table.
 
         The bins of a path are equally far from the values of the table beside them: one row has them all.
         """
-        value, slope, at_step = self._rows(apart, width)
+        value, slope, at_step = self._rows(apart, column)
         out = np.take(slope, row, axis=0)
         out *= share[..., None]
         out += np.take(value, row, axis=0)
@@ -413,17 +445,19 @@ class _Lobe:
             out[exact] = at_step[row[exact]]
         return out
 
-    def _rows(self, apart: int, width: int) -> tuple[Array, Array, Array]:
-        """Return values beyond each step, their slopes, and values on it, (num_steps, width), from below the lobe on.
+    def _rows(self, apart: int, column: Index) -> tuple[Array, Array, Array]:
+        """Return values beyond each step, their slopes, and values on it, (num_steps, columns), from below the lobe on.
 
         They are 0 beyond the lobe, so that its last value counts on its step alone.
         """
-        key = apart, width
+        key = apart, column.tobytes()
         if key not in self.known:
             count = len(self.values)
-            on_step = np.concatenate([[0.0], self.values[:0:-1], self.values, np.zeros(apart * width + 1)])
+            on_step = np.concatenate(
+                [[0.0], self.values[:0:-1], self.values, np.zeros(apart * (int(column[-1]) + 1) + 1)]
+            )
             slope, beyond = np.diff(on_step, append=0.0), on_step.copy()
             slope[[0, 2 * count - 1]] = beyond[2 * count - 1] = 0.0
-            place = np.arange(apart + 1)[:, None] + apart * np.arange(width)
+            place = np.arange(apart + 1)[:, None] + apart * column
             self.known[key] = beyond[place], slope[place], on_step[place]
         return self.known[key]

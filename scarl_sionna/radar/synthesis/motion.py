@@ -112,9 +112,30 @@ class End:
 
     def terms(self, antenna: int | None, times: Array) -> Terms:
         """Return distances with their derivatives, shape (num_times, num_paths) each."""
-        place, velocity, acceleration = (moving[:, None] for moving in self.arms.motion(antenna, times))
-        ahead = self.offset + times[:, None, None] * self.velocity - place
-        return _terms(ahead, self.velocity - velocity, -acceleration)
+        found = Terms(*(np.empty((len(times), len(self.offset))) for _ in range(3)))
+        offset, own = self._axes
+        for row, (time, place, velocity, acceleration) in enumerate(
+            zip(times, *self.arms.motion(antenna, times), strict=True)
+        ):
+            ahead = offset - place[:, None]
+            if time:
+                ahead += time * own
+            moving = own - velocity[:, None] if velocity.any() else own
+            value, rate, bend = (column[row] for column in found)
+            np.sqrt(np.einsum("ip,ip->p", ahead, ahead), out=value)
+            np.einsum("ip,ip->p", moving, moving, out=bend)
+            if acceleration.any():
+                bend -= acceleration @ ahead
+            with np.errstate(divide="ignore", invalid="ignore"):
+                np.divide(np.einsum("ip,ip->p", ahead, moving), value, out=rate)
+                bend -= rate * rate
+                bend /= value
+        return found
+
+    @cached_property
+    def _axes(self) -> tuple[Array, Array]:
+        """Offsets and velocities axis after axis, shape (3, num_paths)."""
+        return self.offset.T.copy(), self.velocity.T.copy()
 
 
 @dataclass(frozen=True, eq=False)
@@ -364,6 +385,36 @@ class PairTerms:
         if self._known.all():
             return Terms(length, rate, bend)
         return Terms(length, np.where(self._known, rate, own[0]), np.where(self._known, bend, own[1]))
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether :meth:`shares` says all: known and linear motion, a scattering point, antennas that are all alike."""
+        alone = self.motion is None or self.geometry.fields is not None or self.motion.mirror.any()
+        return not alone and bool(self._known.all()) and not self._bends.any()
+
+    def shares(self) -> tuple[list[tuple[Array, Array, Array]], list[tuple[Array, Array, Array]]]:
+        """Return of each transmitter and of each receiver what it has of lengths, rates, and amplitudes as a factor.
+
+        At the frame's start, (num_paths,) each, where :attr:`is_linear`; what lies between the ends is with the
+        transmitters.
+
+        Raises
+        ------
+        ParameterRangeError
+            If a path ends at an antenna.
+        """
+        assert self.motion is not None  # by `is_linear`
+        (out, home), geometry, between = self._of_antennas, self.geometry, self.motion.between
+        self.geometry.pair_amplitude(0, 0)
+        sent = [
+            (distance + geometry.inner_length, terms.rate[0] + between.rate, geometry.center_distance[0] / distance)
+            for distance, terms in zip(geometry.tx_distance, out, strict=True)
+        ]
+        heard = [
+            (distance, terms.rate[0], geometry.center_distance[1] / distance)
+            for distance, terms in zip(geometry.rx_distance, home, strict=True)
+        ]
+        return sent, heard
 
     @cached_property
     def _known(self) -> npt.NDArray[np.bool_]:
