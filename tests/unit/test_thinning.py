@@ -12,7 +12,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.raycast.thinning import ResolutionCells, thin
+from scarl_sionna.radar.channel.raycast.thinning import ResolutionCells, _sorted, thin
 from tests.scenes import Thing, plane, write_scene
 
 
@@ -96,3 +96,13 @@ def test_options_of_the_solver(tmp_path) -> None:
     for bad in (0, -1, True):
         with pytest.raises(ParameterRangeError, match="hits_per_cell"):
             solve_paths(state, radar, Pose(), "raycast", hits_per_cell=bad, num_rays=50_000)
+
+
+@pytest.mark.parametrize("highest", [1, 1 << 40, 1 << 62])
+def test_cells_are_sorted_as_a_stable_sort_does(highest: int) -> None:
+    rng = np.random.default_rng(0)
+    cell = rng.integers(-highest, highest, 40, dtype=np.int64)[rng.integers(0, 40, 500)]
+    for some in (cell, cell[:1], cell[:0]):
+        order, ordered = _sorted(some)
+        assert np.array_equal(order, np.argsort(some, kind="stable"))
+        assert np.array_equal(ordered, some[order])

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,6 +40,8 @@ Complex = npt.NDArray[np.complex128]
 
 RAYS_PER_BATCH = 1_000_000
 """Rays cast at once: bounds the memory of a batch to about 100 MB, changes no result."""
+_PHASES_KEPT = 2
+"""Numbers of rays whose phases are kept, 8 MB for 10^6 rays."""
 DIFFUSE = 2
 """Kind of the interaction of a hit, the number of Sionna RT's ``InteractionType.DIFFUSE``."""
 
@@ -157,9 +160,13 @@ def _transfer(columns: dict[str, npt.NDArray[Any]], cycles: Array | None, growth
     """
     size = columns["amplitude"] if growth is None else columns["amplitude"] * np.sqrt(growth)[:, None]
     turned = size.astype(np.complex128) if cycles is None else size * np.exp(2j * np.pi * cycles)[:, None]
-    return turned[:, [0, 2, 2, 1]].reshape(-1, 2, 2)
+    out = np.empty((len(size), 4), dtype=np.complex128)
+    for place, column in enumerate((0, 2, 2, 1)):
+        out[:, place] = turned[:, column]
+    return out.reshape(-1, 2, 2)
 
 
+@lru_cache(maxsize=_PHASES_KEPT)
 def _fixed_phases(hit_phase: HitPhase, num_rays: int) -> Array | None:
     """Return the rays' phases [cycles]: the same for every frame, so a scene at rest stays at rest."""
     if hit_phase == "geometric":

@@ -131,8 +131,8 @@ def thin(cell: Index, power: Array, hits_per_cell: int) -> tuple[Index, Array]:
     growth : ndarray of float64, shape (num_kept,)
         The sum of ``power[kept] * growth`` over a cell is the sum of `power` over it.
     """
-    order = np.argsort(cell, kind="stable")
-    ordered, sorted_cell = power[order], cell[order]
+    order, sorted_cell = _sorted(cell)
+    ordered = power[order]
     starts = np.flatnonzero(np.diff(sorted_cell, prepend=sorted_cell[:1] - 1))
     if not len(starts):
         return order, np.ones(0)
@@ -153,3 +153,18 @@ def thin(cell: Index, power: Array, hits_per_cell: int) -> tuple[Index, Array]:
     in_place[order[stays]] = growth
     kept = np.flatnonzero(in_place)
     return kept, in_place[kept]
+
+
+def _sorted(cell: Index) -> tuple[Index, Index]:
+    """Return the order of cells, those of one in the order in which they are, and the cells in it.
+
+    With the place below the cell in one number, where both fit: numbers are sorted in a twentieth of the time of
+    places.
+    """
+    bits = len(cell).bit_length()
+    lowest, highest = (int(cell.min()), int(cell.max())) if len(cell) else (0, 0)
+    if (highest - lowest).bit_length() + bits > 62:
+        order = np.argsort(cell, kind="stable")
+        return order, cell[order]
+    both = np.sort(((cell - lowest) << bits) | np.arange(len(cell)))
+    return both & ((1 << bits) - 1), (both >> bits) + lowest
