@@ -22,6 +22,7 @@ import numpy as np
 from harness import machine
 
 import scarl_sionna as ss
+from camera_lidar import Camera
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.scenario.compose import build_world
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
@@ -67,6 +68,18 @@ def radar(place: tuple[ss.World, float]) -> Call:
         state = world.at(start + STEP * index)
         mount = state.mount(world.ego, sensor.vehicle_from_sensor)
         return ss.solve_paths(state, sensor.spec, mount, settings=sensor.settings)
+
+    return call
+
+
+def image(place: tuple[ss.World, float]) -> Call:
+    """Return a call that makes the front camera's image, draft quality, and the tree that it needs."""
+    (world, start), sensor = place, ss.Rig.preset("front", "draft")["front_center/rgb"]
+
+    def call(index: int) -> Any:
+        state = world.at(start + STEP * index)
+        mount = state.mount(world.ego, sensor.vehicle_from_sensor)
+        return Camera(sensor.spec).observe(state, mount, np.random.default_rng(index))
 
     return call
 
@@ -129,6 +142,8 @@ PARTS: dict[str, Callable[[], Call]] = {
     "six-highway": lambda: suites(highway(), "scarl"),
     "radar-town": lambda: radar(town()),
     "radar-highway": lambda: radar(highway()),
+    "image-town": lambda: image(town()),
+    "image-highway": lambda: image(highway()),
     "sbr-highway": lambda: whole_sbr(highway()),
     "raycast-highway": lambda: raycast(highway()),
     "raycast-crossing": lambda: raycast(crossing()),

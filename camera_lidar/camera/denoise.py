@@ -13,6 +13,10 @@ PASSES = 2
 """Over what the filter left; the first halves the light that the darkest quarter has too much, the second again."""
 MOST_RATIO = 8.0
 """Largest ratio of luminances that these passes see; one sample in a glint would lead it over its neighbours."""
+QUALITY = "high"
+"""Of the filter's network: "high", "balanced" or "fast"; measured in docs/camera.md."""
+CLEAN_GUIDES = False
+"""Whether the filter is told that albedo and normals have no noise of their own; measured there, too."""
 _LEAST = 1e-7
 """Part of the mean luminance that counts as black: no ratio of nothing to nothing."""
 
@@ -55,7 +59,9 @@ def denoise(radiance: npt.NDArray[np.float32], guides: npt.NDArray[np.float32]) 
     color = np.ascontiguousarray(np.nan_to_num(radiance, nan=0.0, posinf=0.0, neginf=0.0))
     albedo = np.ascontiguousarray(np.clip(guides[..., :3], 0.0, 1.0))
     normal = np.ascontiguousarray(np.clip(guides[..., 3:], -1.0, 1.0))
-    return np.asarray(pyoidn.denoise(color, albedo, normal, hdr=True), dtype=np.float32)
+    return np.asarray(
+        pyoidn.denoise(color, albedo, normal, hdr=True, quality=QUALITY, clean_aux=CLEAN_GUIDES), dtype=np.float32
+    )
 
 
 def denoise_darkness(radiance: npt.NDArray[np.float32], guides: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:

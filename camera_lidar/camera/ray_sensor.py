@@ -1,9 +1,8 @@
-"""The rays of a :class:`CameraSpec`, whatever its lens, as a sensor of Mitsuba."""
+"""The rays of a :class:`CameraSpec`, whatever its lens, and how many samples one launch takes."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.engine.light.ray_table import RayTable, ray_table_sensor
-from scarl_sionna.engine.types import MitsubaObject
+from scarl_sionna.engine.light.ray_table import RayTable
 
 from .projection import pixel_rays, projection_key
 
@@ -63,12 +61,11 @@ def pixel_table(spec: CameraSpec) -> tuple[npt.NDArray[np.float64], npt.NDArray[
     return _table_of(projection_key(spec))
 
 
-def ray_sensor(mi: ModuleType, spec: CameraSpec, world_from_sensor: Pose, samples_per_pixel: int) -> MitsubaObject:
-    """Return the Mitsuba sensor of a camera at a pose; inside ``variant.optical()``.
+def ray_table(spec: CameraSpec, world_from_sensor: Pose) -> RayTable:
+    """Return the rays of a camera at a pose, for :func:`.recording.launch`.
 
     With a number of samples of `LAUNCHES` the sum over the samples of a pixel does not depend on the threads: same
     seed, same bytes.
     """
     directions, seen = pixel_table(spec)
-    table = RayTable(world_from_sensor.position, world_from_sensor.rotate(directions), seen)
-    return ray_table_sensor(mi, table, samples_per_pixel)
+    return RayTable(world_from_sensor.position, world_from_sensor.rotate(directions), seen)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -14,19 +13,18 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.light.glow import glow_integrator, glowing
-from scarl_sionna.engine.light.haze import Haze, haze_integrator
+from scarl_sionna.engine.light.haze import Haze, haze_integrator, haze_numbers
 from scarl_sionna.engine.light.lamp_table import lamp_table
 from scarl_sionna.engine.light.many_lamps import ShiningSurfaces, many_lamps_integrator
+from scarl_sionna.engine.light.recording import LightTracer, launch
 from scarl_sionna.engine.light.retroreflectors import Retroreflectors
 from scarl_sionna.engine.light.windows import LitWindows
-from scarl_sionna.engine.threads import many_threads
-from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.engine.world import World, WorldState
 
 from .denoise import denoise, denoise_darkness
 from .develop import develop
 from .falling import add_falling
-from .ray_sensor import launch_samples, ray_sensor
+from .ray_sensor import launch_samples, ray_table
 from .shining import lamp_light
 from .shutter import Band, bands, exposure_moments
 
@@ -42,11 +40,6 @@ DAYLIGHT_INDOORS = 2e-3
 
 MOST_RAYS = 1 << 24
 """Light paths of one launch; more samples are rendered in several, so that memory stays below 2 GB."""
-
-
-def integrator_dict(spec: CameraSpec) -> dict[str, Any]:
-    """Return Mitsuba's path tracer with the camera's longest light path, for ``mi.load_dict``."""
-    return {"type": "path", "max_depth": spec.max_depth, "rr_depth": ROULETTE_DEPTH}
 
 
 def render_radiance(
@@ -84,19 +77,11 @@ def render_radiance(
     docs/camera.md.
     """
     seed = int(rng.integers(2**32))
-    apart = has_lamps(state)
     traced = _Traced.black(spec)
     for number, band in enumerate(bands(state, spec, world_from_sensor, sensor_twist or Twist())):
-        traced.rows(band.rows).add(band, sensor_twist or Twist(), (seed + 15485863 * number) % 2**32, apart)
-    image = traced.reflected.astype(np.float32)
-    if not spec.denoise:
-        return (traced.reflected + traced.shining).astype(np.float32) if apart else image
-    guides = traced.guides.astype(np.float32)
-    if not apart:
-        return denoise(image, guides)
-    filled = glows(state) | (traced.guides != 0.0).any(axis=-1, keepdims=True)  # elsewhere is sky, which shines itself
-    kept = np.where(filled, denoise_darkness(image, guides), traced.reflected)
-    return np.asarray(kept + traced.shining, dtype=np.float32)
+        own = (seed + 15485863 * number) % 2**32
+        traced.rows(band.rows).add(band, sensor_twist or Twist(), own, has_lamps(state))
+    return traced.finished(state, spec.denoise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +116,19 @@ class _Traced:
             if spec.denoise:
                 self.guides[:] += _guides(moment, _View(spec, pose, seed, guide_count)) / len(moments)
 
+    def finished(self, state: WorldState, denoised: bool) -> npt.NDArray[np.float32]:
+        """Return the radiance of a state's image, denoised or as traced."""
+        image, apart = self.reflected.astype(np.float32), has_lamps(state)
+        if not denoised:
+            return (self.reflected + self.shining).astype(np.float32) if apart else image
+        guides = self.guides.astype(np.float32)
+        if not apart:
+            return denoise(image, guides)
+        # without guides is sky, which shines itself
+        filled = glows(state) | (self.guides != 0.0).any(axis=-1, keepdims=True)
+        kept = np.where(filled, denoise_darkness(image, guides), self.reflected)
+        return np.asarray(kept + self.shining, dtype=np.float32)
+
 
 def has_lamps(state: WorldState) -> bool:
     """Return whether lamps light the scene: then they are sampled by :func:`many_lamps_integrator`, and apart."""
@@ -162,18 +160,33 @@ def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     """Return the mean radiance over the view's light paths a pixel, float64, shape (height, width, 3)."""
     scene, haze = state.optical_scene(), _haze(state)
     with variant.optical() as mi:
-        integrator = None
+        tracer = _path_tracer(mi, view.spec.max_depth, haze)
         if has_lamps(state):
             sky_share = DAYLIGHT_INDOORS if state.world.is_indoors else 1.0
             depth, surfaces = view.spec.max_depth, _surfaces(state.world)
             integrator = many_lamps_integrator(mi, scene, depth, ROULETTE_DEPTH, surfaces, sky_share)
-        integrator = integrator or mi.load_dict(integrator_dict(view.spec))
-        traced = _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
+            if integrator is not None:
+                behind = integrator if haze is None else haze_integrator(mi, integrator, haze)
+                tracer = LightTracer(lambda: behind)
+        traced = _launched(mi, state, tracer, view, 3)
         if haze is not None and glows(state):
             lamps = lamp_table(mi, scene)
             if lamps is not None and len(glowing(lamps)):
-                traced += _launched(mi, scene, glow_integrator(mi, scene, lamps, haze), view, 3)
+                glow = glow_integrator(mi, scene, lamps, haze)
+                traced += _launched(mi, state, LightTracer(lambda: glow), view, 3)
         return traced
+
+
+def _path_tracer(mi: ModuleType, max_depth: int, haze: Haze | None) -> LightTracer:
+    """Return Mitsuba's path tracer, behind haze if there is some."""
+    plain = {"type": "path", "max_depth": max_depth, "rr_depth": ROULETTE_DEPTH}
+    if haze is None:
+        return LightTracer(lambda: mi.load_dict(plain), ("path", max_depth, ROULETTE_DEPTH))
+    return LightTracer(
+        lambda: haze_integrator(mi, mi.load_dict(plain), haze),
+        ("haze", max_depth, ROULETTE_DEPTH),
+        haze_numbers(mi, haze),
+    )
 
 
 _SURFACES: WeakKeyDictionary[World, tuple[Retroreflectors, LitWindows]] = WeakKeyDictionary()
@@ -204,8 +217,8 @@ def _shining(state: WorldState, view: _View, share: float) -> tuple[npt.NDArray[
     scene, haze = state.optical_scene(), _haze(state)
     haze = None if haze is None else haze._replace(airlight=np.zeros(3))
     with variant.optical() as mi:
-        integrator = mi.load_dict(integrator_dict(view.spec) | {"max_depth": 1})
-        seen = _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
+        straight = LightTracer(_path_tracer(mi, 1, haze).make)  # lamps move and are switched: traced anew
+        seen = _launched(mi, state, straight, view, 3)
         lamps = lamp_light(mi, scene, view.spec, view.pose, haze, share)
     sampled = seen.copy()
     if lamps is not None:
@@ -214,26 +227,24 @@ def _shining(state: WorldState, view: _View, share: float) -> tuple[npt.NDArray[
 
 
 def _launched(
-    mi: ModuleType, scene: MitsubaObject, integrator: MitsubaObject, view: _View, channels: int
+    mi: ModuleType, state: WorldState, tracer: LightTracer, view: _View, channels: int
 ) -> npt.NDArray[np.float64]:
     """Return the mean of the last `channels` over several launches."""
-    spec, seed = view.spec, view.seed
+    spec, seed, twin = view.spec, view.seed, state.world.twin("optical")
+    state.optical_scene()  # the twin stands in the state
+    rays = ray_table(spec, view.pose)
     total = np.zeros((spec.height, spec.width, channels), dtype=np.float64)
-    for launch, count in enumerate(launch_samples(view.samples, MOST_RAYS // (spec.width * spec.height))):
-        sensor = ray_sensor(mi, spec, view.pose, count)
-        number = (seed + 104729 * launch) % 2**32
-        with many_threads():
-            image = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=number, spp=count))
+    for number, count in enumerate(launch_samples(view.samples, MOST_RAYS // (spec.width * spec.height))):
+        image = launch(mi, twin, tracer, rays, count, (seed + 104729 * number) % 2**32)
         total += count / view.samples * image.astype(np.float64)[..., -channels:]
     return total
 
 
 def _guides(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     """Return albedo and shading normal of what is seen first, shape (height, width, 6)."""
-    scene = state.optical_scene()
     with variant.optical() as mi:
-        integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
-        return _launched(mi, scene, integrator, view, 6)
+        plain = {"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"}
+        return _launched(mi, state, LightTracer(lambda: mi.load_dict(plain), "guides"), view, 6)
 
 
 def render_rgb(

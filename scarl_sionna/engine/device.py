@@ -94,6 +94,16 @@ class Device:
         """Return numbers of any shape and sign on the device, row after row."""
         return self.mi.Int32(in_packets(np.asarray(values, dtype=np.int32)))
 
+    def own(self, values: DeviceArray) -> DeviceArray:
+        """Return numbers in memory of Dr.Jit's own, not NumPy's, for what stays in a scene.
+
+        What is recorded for later (:mod:`.light.recording`) follows a number to its new memory, but keeps the address
+        of memory that Dr.Jit maps, and reads it when NumPy has given it to others.
+        """
+        copied = values * self.dr.opaque(type(values), 1)  # a plain copy is found to be the same and left out
+        self.dr.eval(copied)
+        return copied
+
     def mask(self, values: npt.NDArray[np.bool_]) -> DeviceArray:
         """Return truth values of any shape on the device, row after row."""
         return self.mi.Bool(in_packets(np.asarray(values, dtype=np.bool_)))

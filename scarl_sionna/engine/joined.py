@@ -262,5 +262,6 @@ class _Mesh:
         on, written = Device(mi), [name for name, values in fields.items() if values.size]
         for name in written:
             pointer, kind = self._pointers[name]
-            mi.set_property(pointer, kind, (on.index if name == _FACES else on.single)(fields[name]))
+            values = (on.index if name == _FACES else on.single)(fields[name])
+            mi.set_property(pointer, kind, on.own(values))
         self.mesh.parameters_changed(written)

@@ -265,8 +265,8 @@ class Twin:
         written = []
         for field, values in zip(_OF_MESH, (vertices, normals), strict=False):
             if values is not None:
-                pointer, kind, *_ = self._fields[f"{name}.{field}"]
-                mi.set_property(pointer, kind, Device(mi).single(values))
+                (pointer, kind, *_), on = self._fields[f"{name}.{field}"], Device(mi)
+                mi.set_property(pointer, kind, on.own(on.single(values)))
                 written.append(field)
         self._shapes[name].parameters_changed(written)
 

@@ -50,7 +50,6 @@ class Haze(NamedTuple):
 @lru_cache(maxsize=4)
 def _plugin(mi: ModuleType, variant_name: str) -> type:
     """Define and register the integrator for the variant that runs."""
-    import drjit as dr
 
     class HazeIntegrator(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
         """L = T L0 + (1 - T) A along the camera's ray, T = exp(-extinction * distance)."""
@@ -58,8 +57,11 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
         def place(self, inner: MitsubaObject, extinction: float, airlight: npt.ArrayLike) -> None:
             """Take the integrator behind the haze, the extinction coefficient [1/m] and the haze's radiance."""
             self._inner = inner
-            self._extinction = dr.opaque(mi.Float, float(extinction))
-            self._airlight = mi.Color3f(*(dr.opaque(mi.Float, float(value)) for value in np.asarray(airlight)))
+            self.take(*haze_numbers(mi, Haze(extinction, airlight)))
+
+        def take(self, extinction: DeviceArray, airlight: DeviceArray) -> None:
+            """Take another haze."""
+            self._extinction, self._airlight = extinction, airlight
 
         def sample(
             self,
@@ -77,6 +79,14 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
 
     mi.register_integrator(PLUGIN, HazeIntegrator)
     return HazeIntegrator
+
+
+def haze_numbers(mi: ModuleType, haze: Haze) -> tuple[DeviceArray, ...]:
+    """Return extinction coefficient and airlight as the integrator takes them."""
+    import drjit as dr
+
+    airlight = (dr.opaque(mi.Float, float(value)) for value in np.asarray(haze.airlight))
+    return dr.opaque(mi.Float, float(haze.extinction)), mi.Color3f(*airlight)
 
 
 def haze_integrator(mi: ModuleType, inner: MitsubaObject, haze: Haze) -> MitsubaObject:

@@ -13,6 +13,8 @@ from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 PLUGIN = "scarl_ray_table"
+SAMPLER = "multijitter"
+"""Of Mitsuba's the one with the least error for the same samples (docs/camera.md)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +46,19 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
 
         def place(self, table: RayTable) -> None:
             """Take the rays. All numbers are variables, so that no pose or lens costs a compilation."""
-            height, width = table.seen.shape
-            self._directions, self._seen = Device(mi).single(table.directions), Device(mi).single(table.seen)
-            self._size = mi.Vector2f(dr.opaque(mi.Float, float(width)), dr.opaque(mi.Float, float(height)))
-            self._columns = dr.opaque(mi.UInt32, width)
-            self._origin = mi.Point3f(*(dr.opaque(mi.Float, float(value)) for value in table.origin))
+            self.take(*ray_numbers(mi, table))
+
+        def take(
+            self,
+            directions: DeviceArray,
+            seen: DeviceArray,
+            size: DeviceArray,
+            columns: DeviceArray,
+            origin: DeviceArray,
+        ) -> None:
+            """Take the rays as :func:`ray_numbers` has them."""
+            self._directions, self._seen, self._size = directions, seen, size
+            self._columns, self._origin = columns, origin
 
         def sample_ray(
             self,
@@ -96,6 +106,16 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
     return RayTableSensor
 
 
+def ray_numbers(mi: ModuleType, table: RayTable) -> tuple[DeviceArray, ...]:
+    """Return directions, which pixels are seen, size, columns and origin as the sensor takes them."""
+    import drjit as dr
+
+    (height, width), on = table.seen.shape, Device(mi)
+    size = mi.Vector2f(dr.opaque(mi.Float, float(width)), dr.opaque(mi.Float, float(height)))
+    origin = mi.Point3f(*(dr.opaque(mi.Float, float(value)) for value in table.origin))
+    return on.single(table.directions), on.single(table.seen), size, dr.opaque(mi.UInt32, width), origin
+
+
 def ray_table_sensor(mi: ModuleType, table: RayTable, samples_per_pixel: int) -> MitsubaObject:
     """Return the Mitsuba sensor of a table of rays; inside ``variant.optical()``.
 
@@ -113,7 +133,7 @@ def ray_table_sensor(mi: ModuleType, table: RayTable, samples_per_pixel: int) ->
         "rfilter": {"type": "box"},
     }
     sensor = mi.load_dict(
-        {"type": PLUGIN, "film": film, "sampler": {"type": "multijitter", "sample_count": samples_per_pixel}}
+        {"type": PLUGIN, "film": film, "sampler": {"type": SAMPLER, "sample_count": samples_per_pixel}}
     )
     sensor.place(table)
     return sensor
