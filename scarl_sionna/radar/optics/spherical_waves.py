@@ -466,17 +466,17 @@ class Tracer:
         image = tubes.image[:, -1] - 2.0 * height[:, None] * normal
         lift = normal * np.sign(height)[:, None]
         place, rest = tubes.depth, self.settings.max_depth - tubes.depth
+        wide, fine = self._spacings(tubes, image)
         if self._return is not None:
-            wide, _ = self._spacings(tubes, image)
             kept = yield ComingBack((place, 2), self._return, tubes.corners, image, lift, wide, rest)
             tubes, image, lift, last = tubes.take(kept), image[kept], lift[kept], last[kept]
+            wide, fine = wide[kept], fine[kept]
         if not len(tubes):
             return self._landed(tubes, image, tubes.corners, last, last)
         target = Landing(self.rays, self.faces, self.chosen, image, lift, last)
         if rest == 1:
             angle = None if self._return is None else self._return.angle
             target = replace(target, station=self.rx.pose.position, angle=angle)
-        wide, fine = self._spacings(tubes, image)
         corners, rows, plane = yield Cut((place, 3), tubes.corners, wide, fine, target, self.settings)
         met = plane != MISS
         return self._landed(tubes, image, corners[met], rows[met], self._of_plane[plane[met]])
