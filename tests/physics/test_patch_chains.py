@@ -158,7 +158,7 @@ def found_by(bodies: Bodies, tubes: ImageTubes) -> dict[str, np.ndarray]:
     stations = [Viewpoint.of(RADAR, mount.pose, mount.twist.linear) for mount in (TX, RX)]
     with bodies.active():
         near = NearField(bodies.rays, bodies.surfaces, *stations, WAVENUMBER, 0.1, bodies.curves, 1e-5, 0.1)
-        return radiated(near, tubes)
+        return radiated([near], [tubes])[0]
 
 
 @pytest.mark.parametrize("count", [1, 40])

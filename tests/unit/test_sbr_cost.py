@@ -54,9 +54,9 @@ def bodies_of(state, **fields) -> Bodies:
 def test_the_expected_numbers_are_those_of_the_solve(state, monkeypatch) -> None:
     """A sample is a part of all first tubes: of 1,024, numbers of this spread come within some 10 %."""
     traced = []
-    rows_of = sbr_solve._rows
+    radiated = sbr_solve.radiated
     monkeypatch.setattr(
-        sbr_solve, "_rows", lambda s, t, n, some, rough: traced.append(len(some)) or rows_of(s, t, n, some, rough)
+        sbr_solve, "radiated", lambda near, tubes: traced.extend(map(len, tubes)) or radiated(near, tubes)
     )
     paths = solve_paths(state, RADAR, POSE, "sbr")
     stations = sbr_solve.stations_of(RADAR, state.as_mount(POSE))

@@ -1,7 +1,8 @@
-"""What lit patches radiate to the receiver: one kernel for all patches of one depth."""
+"""What lit patches radiate to their receivers: one kernel for all patches of one depth, whatever their stations."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import ModuleType
@@ -10,7 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.pose import Pose
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import DeviceArray
@@ -57,31 +57,35 @@ class NearField:
     duration: float = 0.0
     max_turn: float | None = None
 
-    def kinds(self, tubes: ImageTubes) -> list[ImageTubes]:
-        """Return the patches on flat faces, and those on curved ones."""
+    def kinds(self, tubes: ImageTubes) -> list[tuple[bool, ImageTubes]]:
+        """Return the patches on flat faces, and those on curved ones, each with whether they are."""
         if self.curves is None:
-            return [tubes]
+            return [(False, tubes)] if len(tubes) else []
         bent = self.curves.curved.is_curved[tubes.face[:, -1]]
-        return [tubes.take(np.flatnonzero(rows)) for rows in (~bent, bent) if rows.any()]
+        kinds = ((False, ~bent), (True, bent))
+        return [(is_curved, tubes.take(np.flatnonzero(rows))) for is_curved, rows in kinds if rows.any()]
 
 
-def radiated(near: NearField, tubes: ImageTubes) -> dict[str, npt.NDArray[Any]]:
+def radiated(near: Sequence[NearField], tubes: Sequence[ImageTubes]) -> list[dict[str, npt.NDArray[Any]]]:
     r"""Return the columns of patches: end points, transfer, lengths, rate and what diffuse scattering needs.
 
-    One kernel serves patches of any number of bounces; there is one more for those on curved faces.
+    One kernel serves patches of any number of bounces and all stations; there is one more for those on curved faces.
 
     Parameters
     ----------
-    near : NearField
-    tubes : ImageTubes
-        Patches over each of which the phase is all but linear: one of :meth:`NearField.kinds`.
+    near : sequence of NearField
+        Of one solve: they differ in their stations.
+    tubes : sequence of ImageTubes
+        The patches of each, over each of which the phase is all but linear, all of one number of bounces and one of
+        :meth:`NearField.kinds`.
 
     Returns
     -------
-    dict
-        ``a`` is the transfer, ``scattered`` what a rough surface scatters, the transfer of a patch of 1 m2; both
-        (n, 2, 2) complex128. Of patches on flat faces also ``oblique``, (n,) bool: of these `a` is that for an integral
-        of 1 m2, and ``edges``, (n, 6) complex128 [m2], has the integral in parts, see :func:`.oblique.edge_terms`.
+    list of dict
+        For each; ``a`` is the transfer, ``scattered`` what a rough surface scatters, the transfer of a patch of 1 m2;
+        both (n, 2, 2) complex128. Of patches on flat faces also ``oblique``, (n,) bool: of these `a` is that for an
+        integral of 1 m2, and ``edges``, (n, 6) complex128 [m2], has the integral in parts, see
+        :func:`.oblique.edge_terms`.
 
     Notes
     -----
@@ -109,11 +113,38 @@ def radiated(near: NearField, tubes: ImageTubes) -> dict[str, npt.NDArray[Any]]:
     .. [2] V. Degli-Esposti et al., "Measurement and Modelling of Scattering From Buildings", IEEE Trans. Antennas
            Propag. 55(1), 2007, Eqs. (2), (5).
     """
-    count = len(tubes)
-    if count == 1:  # Dr.Jit has kernels of their own for arrays of one number
-        return {name: column[:1] for name, column in radiated(near, tubes.take(np.zeros(2, dtype=np.int64))).items()}
+    ends = np.cumsum([len(some) for some in tubes])
+    pair = np.repeat(np.arange(len(near)), [len(some) for some in tubes])
+    whole = tubes[0].joined(list(tubes))
+    if len(whole) == 1:  # Dr.Jit has kernels of their own for arrays of one number
+        whole, pair = whole.take(np.zeros(2, dtype=np.int64)), np.repeat(pair, 2)
+    columns = {name: np.split(column[: ends[-1]], ends[:-1]) for name, column in _radiated(near, whole, pair).items()}
+    return [{name: pieces[number] for name, pieces in columns.items()} for number in range(len(near))]
+
+
+class _Ends:
+    """One end of every patch: a station's place, axes and motion, each of shape (num_patches, 3) on the device."""
+
+    def __init__(self, rays: StateRays, stations: Sequence[Viewpoint], pair: npt.NDArray[np.int64]) -> None:
+        number = rays.index(pair)
+
+        def at(values: list[Array]) -> DeviceArray:
+            return rays.dr.gather(rays.Vector, rays.reals(values), number)
+
+        self.position = at([station.pose.position for station in stations])
+        self.axes = [at([station.pose.rotation[:, k] for station in stations]) for k in range(3)]
+        self.velocity = at([station.velocity for station in stations])
+        self.drift = at([station.drift for station in stations])
+
+
+def _radiated(
+    nears: Sequence[NearField], tubes: ImageTubes, pair: npt.NDArray[np.int64]
+) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of at least two patches, each between the stations of the field that `pair` names."""
+    near, count = nears[0], len(tubes)
     rays, surfaces = near.rays, near.surfaces
     dr, on = rays.dr, OnDevice(rays.dr)
+    tx, rx = (_Ends(rays, [getattr(one, end) for one in nears], pair) for end in ("tx", "rx"))
     wavenumber, integration_phase = rays.real(near.wavenumber), rays.real(near.integration_phase)
     chain = _Chain(near, tubes)
     corner = rays.corners(tubes.corners)
@@ -121,25 +152,24 @@ def radiated(near: NearField, tubes: ImageTubes) -> dict[str, npt.NDArray[Any]]:
     face, image, (normal, _) = chain.face(chain.last), chain.image(chain.last), chain.plane(chain.last)
     moving = surfaces.velocity(face, center)
     seen, seen_velocity = chain.unfolded(center, moving)
-    receiver = rays.vector(near.rx.pose.position)
-    first, back = dr.normalize(seen - rays.vector(near.tx.pose.position)), dr.normalize(receiver - center)
-    sent = [(axis, dr.zeros(rays.Vector, count)) for axis in _spherical_basis(rays, near.tx.pose, first)]
+    first, back = dr.normalize(seen - tx.position), dr.normalize(rx.position - center)
+    sent = [(axis, dr.zeros(rays.Vector, count)) for axis in _spherical_basis(rays, tx.axes, first)]
     sent, _ = through_panes(rays, surfaces, tubes.way_in, sent, first)
     field = chain.reflected(seen, sent)
     arriving = dr.normalize(center - image)
     normal = normal * -dr.sign(dr.dot(normal, arriving))
     reflected, onward = _bounced(on, surfaces, face, field, arriving, normal)
-    tx_velocity, rx_velocity = seen_velocity - rays.vector(near.tx.velocity), moving - rays.vector(near.rx.velocity)
+    tx_velocity, rx_velocity = seen_velocity - tx.velocity, moving - rx.velocity
     oblique, edges = None, []
-    out, home = dr.norm(center - image), dr.norm(receiver - center)
-    ends = image, receiver
+    out, home = dr.norm(center - image), dr.norm(rx.position - center)
+    ends = image, rx.position
     if near.curves is not None and near.curves.curved.is_curved[tubes.face[0, -1]]:
         integral = near.curves.spherical_wave_integral(face, corner, ends, normal, wavenumber, integration_phase)
     else:
         duration = rays.real(near.duration)
         passing = [
-            (duration * (seen_velocity - rays.vector(near.tx.drift)), first, out),
-            (duration * (moving - rays.vector(near.rx.drift)), back, home),
+            (duration * (seen_velocity - tx.drift), first, out),
+            (duration * (moving - rx.drift), back, home),
         ]
         flat = Ends(
             corner, *ends, wavenumber, steady_slope(dr, wavenumber, passing, rays.real(near.max_turn or STEADY))
@@ -163,7 +193,7 @@ def radiated(near: NearField, tubes: ImageTubes) -> dict[str, npt.NDArray[Any]]:
         columns |= {f"edge{number}": dr.select(oblique, re, 0.0), f"edge{number}j": dr.select(oblique, im, 0.0)}
     if oblique is not None:
         columns["oblique"] = oblique
-    receive = _spherical_basis(rays, near.rx.pose, -back)
+    receive = _spherical_basis(rays, rx.axes, -back)
     vector = radiating_vector(on, Wave(field, arriving), Wave(reflected, onward), normal, back)
     vector, kept_out = through_panes(rays, surfaces, tubes.way_out, vector, back)
     for r in range(2):
@@ -174,7 +204,7 @@ def radiated(near: NearField, tubes: ImageTubes) -> dict[str, npt.NDArray[Any]]:
     strayed, *turn = surfaces.scattered(face, incidence, columns["cosine"])
     cosines = incidence * columns["cosine"] / np.pi
     level = 0.5 / wavenumber / (out * home) * kept_out * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
-    columns |= _scattered(dr, _spherical_basis(rays, near.tx.pose, arriving), field, level, turn)
+    columns |= _scattered(dr, _spherical_basis(rays, tx.axes, arriving), field, level, turn)
     with many_threads(count):
         dr.eval(*columns.values())
     found = {name: rays.on_host(column) for name, column in columns.items()}
@@ -292,10 +322,11 @@ def _scattered(
     return found
 
 
-def _spherical_basis(rays: StateRays, pose: Pose, direction: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+def _spherical_basis(
+    rays: StateRays, axes: Sequence[DeviceArray], direction: DeviceArray
+) -> tuple[DeviceArray, DeviceArray]:
     """Return theta-hat and phi-hat of unit directions in world axes; phi = 0 along the frame's z axis."""
-    dr = rays.dr
-    x, y, z = (rays.vector(axis) for axis in pose.rotation.T)
+    dr, (x, y, z) = rays.dr, axes
     along_x, along_y = dr.dot(x, direction), dr.dot(y, direction)
     flat = dr.sqrt(along_x**2 + along_y**2)
     upright = flat <= 1e-12

@@ -24,7 +24,7 @@ from scarl_sionna.engine.rays.overlap import seen_overlaps
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.optics.edges.near_field import EdgeView, edge_rows
 from scarl_sionna.radar.optics.near_field import NearField, radiated
-from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Tracer, Viewpoint
+from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Viewpoint
 from scarl_sionna.radar.optics.tubes.together import together
 from scarl_sionna.radar.paths import RadarPaths, bend_of
 
@@ -221,17 +221,47 @@ def solve_between(bodies: Bodies, pairs: Sequence[Pair]) -> list[RadarPaths]:
     ParameterRangeError
         If the scene needs more patches than `max_patches`.
     """
-    found: dict[int, RadarPaths] = {}
     with bodies.active():
         solves = [_Solve(bodies, pair) for pair in pairs]
         tracings = [solve.tracer.tracing(solve.start) for solve in solves]
+        fields = _Fields()
         for number, patches in together(tracings, bodies.knobs.max_tubes):
-            if patches is None:
-                found[number] = solves[number].result()
-            elif len(patches):
-                solves[number].add(patches)
+            fields.add(solves[number], patches)
+            if fields.num_patches >= bodies.knobs.max_tubes:
+                fields.finish()
                 check_memory(bodies, sum(solve.num_rows for solve in solves))
-    return [found[number] for number in range(len(pairs))]
+        fields.finish()
+        check_memory(bodies, sum(solve.num_rows for solve in solves))
+    return [solve.paths for solve in solves]
+
+
+class _Fields:
+    """Patches of some solves whose fields are still to be computed, alike ones of all solves together."""
+
+    def __init__(self) -> None:
+        self.num_patches = 0
+        self._waiting: dict[tuple[int, bool], list[tuple[_Solve, int, ImageTubes]]] = {}
+        self._ended: list[_Solve] = []
+
+    def add(self, solve: _Solve, patches: ImageTubes | None) -> None:
+        """Add patches that the receiver of a solve sees; None is the end of it."""
+        if patches is None:
+            self._ended.append(solve)
+            return
+        for is_curved, some in solve.near.kinds(patches):
+            self._waiting.setdefault((some.depth, is_curved), []).append((solve, len(solve.blocks), some))
+            solve.blocks.append({})
+            self.num_patches += len(some)
+
+    def finish(self) -> None:
+        """Compute the fields, and the paths of the solves that have ended."""
+        for waiting in self._waiting.values():
+            fields = radiated([solve.near for solve, _, _ in waiting], [some for _, _, some in waiting])
+            for (solve, place, some), columns in zip(waiting, fields, strict=True):
+                solve.fill(place, some, columns)
+        for solve in self._ended:
+            solve.finish()
+        self.num_patches, self._waiting, self._ended = 0, {}, []
 
 
 class _Solve:
@@ -256,15 +286,35 @@ class _Solve:
         self.blocks: list[Columns] = []
         self.rough: dict[int, list[Columns]] = {}
         self.num_rows = 0
+        self.paths = RadarPaths.empty(pair.tx.pose)
 
-    def add(self, patches: ImageTubes) -> None:
-        """Add patches that the receiver sees."""
-        for some in self.near.kinds(patches):
-            self.blocks.append(_rows(self.bodies.state, self.tracer, self.near, some, self.rough))
-            self.num_rows += len(self.blocks[-1]["length"])
+    def fill(self, place: int, patches: ImageTubes, columns: Columns) -> None:
+        """Put the columns of patches in their place among the blocks, without what comes from out of view or too far.
 
-    def result(self) -> RadarPaths:
-        """Return the paths of all patches; the rows are gone then."""
+        Rough pieces are added to those of their depth.
+        """
+        state, near = self.bodies.state, self.near
+        is_rough = near.surfaces.is_rough[patches.face[:, -1]] & self.tracer.settings.diffuse
+        part = self.tracer.faces.part[patches.face]
+        columns["instance"] = state.world.parts.instance[part]
+        columns["semantic"] = state.world.parts.semantic[part[:, -1]]
+        columns["depth"] = np.full(len(patches), patches.depth, dtype=np.int32)
+        columns["diffuse"] = np.zeros(len(patches), dtype=np.int8)
+        seen = columns["length"] < 2.0 * self.tracer.reach
+        rows = np.flatnonzero(is_rough & seen)
+        if len(rows):
+            some = {name: column[rows] for name, column in columns.items() if name not in ("oblique", "edges")}
+            some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
+            self.rough.setdefault(patches.depth, []).append(rough_pieces(some, patches.take(rows)))
+        columns.pop("scattered")
+        triangles = self.tracer.faces.triangles
+        columns = with_edges(columns, patches, near, (triangles.normal, triangles.offset))
+        seen = columns["length"] < 2.0 * self.tracer.reach
+        self.blocks[place] = {name: column[seen] for name, column in columns.items()}
+        self.num_rows += len(self.blocks[place]["length"])
+
+    def finish(self) -> None:
+        """Make the paths of all patches; the rows are gone then."""
         bodies, (tx, rx, _) = self.bodies, self.pair
         knobs, tracer, blocks = bodies.knobs, self.tracer, self.blocks
         if knobs.edge_diffraction and tx.window is None and rx.window is None:
@@ -291,7 +341,7 @@ class _Solve:
         columns = in_order(columns)
         self.blocks, self.num_rows = [], len(columns["length"])
         diagnostics["seconds"] = time.perf_counter() - self.clock
-        return _paths(columns, tx.pose, rx.pose, diagnostics)
+        self.paths = _paths(columns, tx.pose, rx.pose, diagnostics)
 
 
 def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[list[int], list[str]]:
@@ -310,33 +360,6 @@ def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[l
             chosen += [int(item)] if item in table else by_name[str(item)]
     kept = set(chosen)
     return sorted(kept), [info.name for number, info in table.items() if number not in kept]
-
-
-def _rows(
-    state: WorldState, tracer: Tracer, near: NearField, patches: ImageTubes, rough: dict[int, list[Columns]]
-) -> Columns:
-    """Return the columns of patches, without what comes from out of view or too far.
-
-    Rough pieces are added to those of their depth.
-    """
-    is_rough = near.surfaces.is_rough[patches.face[:, -1]] & tracer.settings.diffuse
-    columns: Columns = radiated(near, patches)
-    part = tracer.faces.part[patches.face]
-    columns["instance"] = state.world.parts.instance[part]
-    columns["semantic"] = state.world.parts.semantic[part[:, -1]]
-    columns["depth"] = np.full(len(patches), patches.depth, dtype=np.int32)
-    columns["diffuse"] = np.zeros(len(patches), dtype=np.int8)
-    seen = columns["length"] < 2.0 * tracer.reach
-    rows = np.flatnonzero(is_rough & seen)
-    if len(rows):
-        some = {name: column[rows] for name, column in columns.items() if name not in ("oblique", "edges")}
-        some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
-        rough.setdefault(patches.depth, []).append(rough_pieces(some, patches.take(rows)))
-    columns.pop("scattered")
-    triangles = tracer.faces.triangles
-    columns = with_edges(columns, patches, near, (triangles.normal, triangles.offset))
-    seen = columns["length"] < 2.0 * tracer.reach
-    return {name: column[seen] for name, column in columns.items()}
 
 
 def _scattered(pieces: list[Columns], seed: int, monostatic: bool) -> list[Columns]:
