@@ -56,7 +56,9 @@ def warn_of_panes(state: WorldState, radar: RadarSpec, pose: Pose, method: str, 
     covered = np.zeros((len(near), len(directions)), dtype=np.bool_)
     for row, part in enumerate(near):
         corners = triangles.corners[triangles.first[part] : triangles.first[part + 1]]
-        away = np.maximum(np.maximum(corners.min(axis=1) - pose.position, pose.position - corners.max(axis=1)), 0.0)
+        first, second, third = corners.transpose(1, 0, 2)
+        lowest, highest = (pick(pick(first, second), third) for pick in (np.minimum, np.maximum))
+        away = np.maximum(np.maximum(lowest - pose.position, pose.position - highest), 0.0)
         corners = corners[np.linalg.norm(away, axis=1) < levels.pane_distance]
         covered[row] = _meets(pose.position, directions, corners, levels.pane_distance)
     share = float(covered.any(axis=0).mean())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,8 +63,9 @@ def rough_ground(world: World, frequency: float, knobs: RaycastSettings) -> npt.
     result = np.full((len(world.parts.name), 3), np.nan)
     if not knobs.rough_ground:
         return result
-    own = knobs.class_rcs if isinstance(knobs.class_rcs, Mapping) else _entries(knobs.class_rcs or BUILTIN_FILE)
-    named = own if knobs.class_rcs is not None else ()
+    named: Iterable[str] = ()
+    if knobs.class_rcs is not None:
+        named = knobs.class_rcs if isinstance(knobs.class_rcs, Mapping) else _entries(knobs.class_rcs)
     ground = [semantic_id(name) for name in GROUND if name not in named]
     for part in np.flatnonzero(np.isin(world.parts.semantic, ground)):
         material = world.materials[world.parts.material[part]]

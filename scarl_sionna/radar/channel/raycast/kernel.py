@@ -67,7 +67,7 @@ class Hits(NamedTuple):
 
     def of(self, rows: Index) -> Hits:
         """Return some of the hits."""
-        return Hits._make(column[rows] for column in self)
+        return Hits._make(np.take(column, rows) for column in self)
 
     @classmethod
     def joined(cls, batches: Sequence[Hits]) -> Hits:
@@ -154,16 +154,16 @@ class RaycastKernel:
         frequency = material_frequency(radar, radar.carrier_frequency)
         self._materials = [state.world.materials[name] for name in state.world.parts.material]
         self._frequency = frequency
-        self._covered = np.array([material.covers(frequency) for material in self._materials], dtype=np.bool_)
+        different = dict.fromkeys(state.world.parts.material)
+        covered = {name: state.world.materials[name].covers(frequency) for name in different}
+        self._covered = np.array([covered[name] for name in state.world.parts.material], dtype=np.bool_)
+        stacks = {name: _stack(state.world.materials[name], frequency) for name in different if covered[name]}
         rough = rough_ground(state.world, frequency, knobs)
         gamma = class_reflectivity(knobs.class_rcs)[state.world.parts.semantic]
         by_law = ~np.isnan(rough[:, 0])
         table = np.column_stack(
             [
-                [
-                    _stack(m, frequency) if ok else np.ones(8)
-                    for m, ok in zip(self._materials, self._covered, strict=True)
-                ],
+                [stacks.get(name, np.ones(8)) for name in state.world.parts.material],
                 np.where(by_law, 1.0, gamma) * owned,
                 np.where(by_law[:, None], rough, 0.0),
                 by_law,
@@ -201,7 +201,8 @@ class RaycastKernel:
         if not self._covered.all():
             self._require(faces)
         rows = np.flatnonzero(power >= 0.0)
-        return Hits(rows + first, faces[rows], rough.numpy()[rows], cell.numpy()[rows], power[rows])
+        of_hits = (np.take(column, rows) for column in (faces, rough.numpy(), cell.numpy(), power))
+        return Hits(rows + first, *of_hits)
 
     def columns(self, hits: Hits) -> dict[str, npt.NDArray[Any]]:
         """Return columns of the paths of hits.

@@ -132,21 +132,23 @@ def thin(cell: Index, power: Array, hits_per_cell: int) -> tuple[Index, Array]:
         The sum of ``power[kept] * growth`` over a cell is the sum of `power` over it.
     """
     order, sorted_cell = _sorted(cell)
-    ordered = power[order]
-    starts = np.flatnonzero(np.diff(sorted_cell, prepend=sorted_cell[:1] - 1))
-    if not len(starts):
+    ordered = np.take(power, order)
+    if not len(order):
         return order, np.ones(0)
+    starts = np.append(0, np.flatnonzero(sorted_cell[1:] != sorted_cell[:-1]) + 1)
     counts = np.diff(np.append(starts, len(order)))
-    totals = np.add.reduceat(ordered, starts)
-    total = np.repeat(totals, counts)
+    number = np.repeat(np.arange(len(starts)), counts)
+    total = np.take(np.add.reduceat(ordered, starts), number)
     running = np.cumsum(ordered / total)  # grows by 1 a cell, so each cell's share is what is over the cells before
-    running -= np.repeat(np.arange(float(len(starts))), counts)
-    points = np.floor(running * hits_per_cell + 0.5)  # of the points (k + 1/2) / hits_per_cell of a cell, those below
+    running -= number
+    running *= hits_per_cell
+    running += 0.5
+    points = np.floor(running, out=running)  # of the points (k + 1/2) / hits_per_cell of a cell, those below
     np.clip(points, 0, hits_per_cell, out=points)
     points[starts + counts - 1] = hits_per_cell  # rounding of the running sum must not lose or add a share
     shares = np.diff(points, prepend=0.0)
     shares[starts] = points[starts]
-    full = np.repeat(counts > hits_per_cell, counts)
+    full = np.take(counts > hits_per_cell, number)
     stays = np.flatnonzero(~full | (shares > 0.0))
     growth = np.where(full[stays], shares[stays] * total[stays] / (hits_per_cell * ordered[stays]), 1.0)
     in_place = np.zeros(len(cell))
