@@ -32,6 +32,7 @@ import scarl_sionna as ss
 from benchmarks.whole_streets import echoes
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.channel import plan_channel
+from scarl_sionna.radar.channel.compose.budget import Surface
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.reflections import sights
 from scarl_sionna.radar.link import received_power
@@ -82,10 +83,11 @@ def probes() -> None:
         state, mount = place(name)
         view = MirrorView(state, RADAR, mount, (), [], ss.MirrorSettings())
         numbers = [number for number, info in state.world.instances.items() if info.is_object]
-        exact = sights(view, numbers, ss.AutoSettings(num_probes=16_384))
+        faces = {number: Surface.of(state, number) for number in numbers}
+        exact = sights(view, faces, ss.AutoSettings(num_probes=16_384))
         for count in (16, 64, 256, 1024):
             rules = ss.AutoSettings(num_probes=count)
-            found, cpu = timed(lambda rules=rules: sights(view, numbers, rules))  # noqa: B023
+            found, cpu = timed(lambda rules=rules: sights(view, faces, rules))  # noqa: B023
             other = sum((found[number][0].share > 0.0) != (exact[number][0].share > 0.0) for number in numbers)
             print(f"| {name} | {count} | {other} | {len(numbers)} | {cpu:.3f} |", flush=True)
 

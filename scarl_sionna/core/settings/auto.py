@@ -31,10 +31,10 @@ class SbrLevel(Spec):
     )
     max_depth: int = Field(ge=1, le=32, description="number of bounces followed, as in SbrSettings")
     growth: float = Field(
-        5.0,
+        1050.0,
         gt=0.0,
-        description="number of tubes of all bounces over that of an object's faces, patches and edges: what a budget "
-        "counts; docs/accuracy.md, budget",
+        description="number of tubes of further bounces of an object of one face that reflects all of the wave on to "
+        "another of one face; docs/accuracy.md, budget",
     )
     patch_error: float = Field(
         0.1,
@@ -46,15 +46,18 @@ class SbrLevel(Spec):
 class TubeEstimate(Spec):
     """How many ray tubes `sbr` will need for an object: what the budget is counted in.
 
-    num = growth of the level * (least + per_face * faces + per_patch * area / patch size^2
-    + per_edge * size / edge spacing * sqrt(faces / 100)); how right it is stands in docs/accuracy.md.
+    num = least + first + growth of the level * turning. The first tubes are counted by the sizes of the
+    faces; turning is the mean over what is seen of (faces of the object * faces of the object met)^spread where the
+    wave is reflected on to an object, of 0 elsewhere. How right it is stands in docs/accuracy.md.
     """
 
-    least: float = Field(100.0, ge=0.0, description="number of tubes of an object with no face; fit, not charted")
-    per_face: float = Field(2.8, ge=0.0, description="number of tubes a face; docs/accuracy.md, budget")
-    per_patch: float = Field(0.3, ge=0.0, description="number of tubes a patch of the projected box; fit, not charted")
-    per_edge: float = Field(
-        0.1, ge=0.0, description="number of tubes a step of the edge spacing along long edges; fit, not charted"
+    least: float = Field(30.0, ge=0.0, description="number of tubes of an object with no face; fit, not charted")
+    spread: float = Field(
+        0.4,
+        ge=0.0,
+        le=2.0,
+        description="exponent by which the tubes of further bounces grow with the faces of the object and of what it "
+        "reflects the wave to: a number; docs/accuracy.md, budget",
     )
     seconds: Seconds = Field(
         2e-5, ge=0.0, description="processor time of a tube on one core of 2025 [s]; docs/accuracy.md, whole streets"
@@ -124,7 +127,7 @@ class AutoSettings(Spec):
                 edge_share=1.0,
                 return_angle=0.3,
                 max_depth=5,
-                growth=1.1,
+                growth=25.0,
                 patch_error=0.4,
             ),
             SbrLevel(
@@ -134,7 +137,7 @@ class AutoSettings(Spec):
                 edge_share=0.25,
                 return_angle=0.8,
                 max_depth=5,
-                growth=3.0,
+                growth=290.0,
                 patch_error=0.08,
             ),
             SbrLevel(
@@ -144,7 +147,7 @@ class AutoSettings(Spec):
                 edge_share=0.125,
                 return_angle=1.5,
                 max_depth=5,
-                growth=8.0,
+                growth=1050.0,
                 patch_error=0.03,
             ),
             SbrLevel(
@@ -155,7 +158,7 @@ class AutoSettings(Spec):
                 sheet_share=0.05,
                 return_angle=2.0,
                 max_depth=5,
-                growth=17.0,
+                growth=2400.0,
                 patch_error=0.01,
             ),
         ),
@@ -252,8 +255,8 @@ class AutoSettings(Spec):
         if not isinstance(values, dict):
             return values
         tubes = values.get("tubes")
-        counted_by_depth = isinstance(tubes, dict) and "growth" in tubes
-        if not (_EARLIER & set(values) or counted_by_depth):
+        counted_otherwise = isinstance(tubes, dict) and {"growth", "per_face"} & set(tubes)
+        if not (_EARLIER & set(values) or counted_otherwise):
             return values
         return {name: value for name, value in values.items() if name not in _EARLIER | {"levels", "tubes"}}
 

@@ -20,6 +20,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
 from scarl_sionna.radar.channel.sbr.cost import patches_in
+from scarl_sionna.radar.optics.patches import PatchSize
+from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.signal.antenna import boresights, largest_field_gain
 from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
@@ -55,7 +57,6 @@ class Estimate:
         Largest power that it can send back over the noise of a range-Doppler-angle cell [dB].
     expected_db : float
         The same by the mean reflectivity of its class [dB].
-    num_faces : int
     is_coherent : bool
         Whether its echo is that of smooth bodies, with a phase that means something.
     source_db : float
@@ -71,7 +72,6 @@ class Estimate:
     in_view: bool
     bound_db: float
     expected_db: float
-    num_faces: int
     is_coherent: bool
     source_db: float
 
@@ -118,8 +118,6 @@ def estimate(
     unit = dbm_to_watt(radar.front_end.tx_power_dbm) * float(radar_gain(radar.wavelength, 1.0))
     unit /= angle_cell_noise_power(radar)
     scale = unit * gain**2 / distance**4
-    triangles = state._triangles
-    faces = sum(int(triangles.first[part + 1] - triangles.first[part]) for part in info.parts)
     return Estimate(
         number,
         info,
@@ -129,7 +127,6 @@ def estimate(
         in_view and distance < reach,
         _db(scale * largest),
         _db(scale * mean),
-        faces,
         coherent,
         _db(unit * mean),
     )
@@ -166,16 +163,19 @@ def sbr_settings(level: SbrLevel) -> SbrSettings:
     return SbrSettings(**level.model_dump(exclude={"tolerance_db", "growth", "patch_error"}), max_turn=level.max_phase)
 
 
-def num_tubes(
-    item: Estimate, distance: float, radar: RadarSpec, level: SbrLevel, rules: AutoSettings = DEFAULT_AUTO
-) -> int:
-    """Return about how many tubes `sbr` traces for an object at a distance [m], by :class:`.TubeEstimate`."""
-    fit, settings = rules.tubes, sbr_settings(level)
-    side = np.sqrt(4.0 * settings.max_phase * distance * radar.wavelength / (2.0 * np.pi))
-    edges = item.size / settings.spacings(radar.wavelength, side)[1] * np.sqrt(item.num_faces / 100.0)
-    patches = min(item.area, (3.0 * distance) ** 2) / side**2
-    once = fit.least + fit.per_face * item.num_faces + fit.per_edge * edges + fit.per_patch * patches
-    return int(level.growth * once)
+def num_tubes(first: float, turning: float, level: SbrLevel, rules: AutoSettings = DEFAULT_AUTO) -> int:
+    """Return about how many tubes `sbr` traces for an object, by :class:`.TubeEstimate`.
+
+    Parameters
+    ----------
+    first : float
+        Tubes that start on it, :meth:`Surface.first_tubes`.
+    turning : float
+        Of :class:`.Sight`.
+    level : SbrLevel
+    rules : AutoSettings
+    """
+    return int(rules.tubes.least + first + level.growth * turning)
 
 
 def affordable_tubes(accuracy: Accuracy, rules: AutoSettings = DEFAULT_AUTO) -> tuple[int, str]:
@@ -207,6 +207,23 @@ class Surface:
         corners = state._triangles.of_parts(state.world.instances[number].parts)
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
         return cls(corners, corners.mean(axis=1), cross)
+
+    def first_tubes(self, station: Viewpoint, reach: float, size: PatchSize) -> float:
+        """Return about how many tubes of a size a station starts on the faces within a distance [m].
+
+        Of faces that are partly in view the part of their corners and middle that is counts; of an object that is
+        wholly out of it everything, as seen over mirrors.
+        """
+        sight = station.pose.position - self.middle
+        distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", sight, sight)), 1e-3)
+        sides = self.corners[:, [1, 2, 0]] - self.corners
+        along = np.einsum("nij,nj->ni", sides, sight / distance[:, None])
+        across = np.sqrt(np.maximum(np.einsum("nij,nij->ni", sides, sides) - along**2, 0.0))
+        pieces = size.pieces_of(across / size.length(distance)[:, None])
+        points = np.concatenate([self.corners, self.middle[:, None]], axis=1)
+        in_view = station.sees(points.reshape(-1, 3)).reshape(-1, 4).mean(axis=1)
+        near = distance < reach
+        return float(pieces @ (in_view * near if in_view.any() else near))
 
     def lit_points(self, position: Array, count: int) -> Array:
         """Return points on the faces, evenly over their area as seen from a position, shape (count, 3)."""

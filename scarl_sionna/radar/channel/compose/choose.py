@@ -18,9 +18,11 @@ from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.optics.faces.panes import pane_parts
+from scarl_sionna.radar.optics.patches import PatchSize
+from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.radar.scatterers.model import ScattererModel
 
-from .budget import Estimate, affordable_tubes, estimate, num_tubes, surface_distance
+from .budget import Estimate, Surface, affordable_tubes, estimate, num_tubes, sbr_settings, surface_distance
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .reflections import changes, sights
@@ -87,6 +89,29 @@ class View:
         found = find_mirrors(self.state, chosen, self.pose.position, self.radar.wavelength, knobs)
         wide = [mirror for mirror in found if mirror.extent > rules.smallest_mirror]
         return [replace(mirror, number=place) for place, mirror in enumerate(wide)]
+
+    @cached_property
+    def _surfaces(self) -> dict[int, Surface]:
+        return {}
+
+    def surface(self, number: int) -> Surface:
+        """Return the faces of an instance."""
+        if number not in self._surfaces:
+            self._surfaces[number] = Surface.of(self.state, number)
+        return self._surfaces[number]
+
+    @cached_property
+    def _first_tubes(self) -> dict[tuple[int, float], float]:
+        return {}
+
+    def first_tubes(self, number: int, level: SbrLevel) -> float:
+        """Return about how many tubes start on an instance at a level."""
+        key = number, level.max_phase
+        if key not in self._first_tubes:
+            station = Viewpoint.of(self.radar, self.pose, np.zeros(3))
+            size = PatchSize.of(self.radar, sbr_settings(level))
+            self._first_tubes[key] = self.surface(number).first_tubes(station, self.reach, size)
+        return self._first_tubes[key]
 
     def instance(self, mirror: Mirror) -> int:
         """Return the instance of a mirror."""
@@ -221,8 +246,13 @@ def num_tubes_of(view: View, choice: Choice, level: SbrLevel) -> int:
     item = choice.item
     if choice.method != "sbr" or (item.in_view and choice.sight.share == 0.0 and not choice.changes):
         return 0
-    distance = choice.sight.nearest if choice.sight.share > 0.0 else item.distance
-    return num_tubes(item, distance, view.radar, level, view.rules)
+    return num_tubes(view.first_tubes(item.number, level), choice.sight.turning, level, view.rules)
+
+
+def first_share(view: View, choice: Choice, level: SbrLevel) -> float:
+    """Return which part of an object's tubes start on it; the others go on from it."""
+    first = view.first_tubes(choice.item.number, level)
+    return num_tubes(first, 0.0, level, view.rules) / max(num_tubes(first, choice.sight.turning, level, view.rules), 1)
 
 
 def _one(view: View, item: Estimate) -> Choice:
@@ -262,7 +292,8 @@ def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
     candidates = view.candidates
     thin = pane_parts(view.state, view.radar.center_frequency, SbrSettings().pane_loss_db)
     mirror_view = MirrorView(view.state, view.radar, view.mount, (), candidates, view.settings.mirrors, thin)
-    seen = sights(mirror_view, [choice.item.number for choice in coherent], view.rules)
+    surfaces = {choice.item.number: view.surface(choice.item.number) for choice in coherent}
+    seen = sights(mirror_view, surfaces, view.rules)
     gain: dict[int, float] = {}
     for choice in coherent:
         own = seen[choice.item.number]

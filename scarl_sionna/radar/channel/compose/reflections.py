@@ -36,11 +36,14 @@ class Sight:
         that are seen [1/m].
     nearest : float
         Shortest way to a point that is seen [m]; infinite if none is.
+    turning : float
+        By which the tubes of further bounces grow, see :class:`.TubeEstimate`; 0 where nothing is seen straight.
     """
 
     share: float
     field: float
     nearest: float
+    turning: float = 0.0
 
 
 HIDDEN = Sight(0.0, 0.0, np.inf)
@@ -50,6 +53,8 @@ looked at in vain costs some tubes."""
 WHOLE_SHARE = 1.0 / 64.0
 """A mirror that shows less than this share of an object's faces counts by less than its field, one that shows less than
 a quarter of it not at all: so it comes and goes smoothly, though few probes see it. docs/accuracy.md, jumps."""
+_LIFT = 1e-4
+"""Rays start this far above a face [m]: a guard against the rounding of float32 hits."""
 CLOSER = 16
 """Where few probes meet an object over a mirror, so many times as many look again: one of them more or less then
 changes a field by at most a thirtieth."""
@@ -77,15 +82,17 @@ class Change:
     weight: float = 1.0
 
 
-def sights(view: MirrorView, numbers: Sequence[int], rules: AutoSettings = DEFAULT_AUTO) -> Mapping[int, list[Sight]]:
+def sights(
+    view: MirrorView, surfaces: Mapping[int, Surface], rules: AutoSettings = DEFAULT_AUTO
+) -> Mapping[int, list[Sight]]:
     """Return what the radar sees of objects: straight, then over each of the view's mirrors.
 
     Parameters
     ----------
     view : MirrorView
         With nothing owned: all objects hide each other.
-    numbers : sequence of int
-        Instance ids.
+    surfaces : mapping
+        The faces of each object, by its instance id.
     rules : AutoSettings
         Its `num_probes` points stand for each object; `CLOSER` times as many where few of them are seen over a mirror.
 
@@ -95,28 +102,30 @@ def sights(view: MirrorView, numbers: Sequence[int], rules: AutoSettings = DEFAU
         If a mirror's material has no data at the carrier frequency.
     """
     position = view.mount.pose.position
+    numbers = list(surfaces)
     boxes = [box_points(view.state, number) for number in numbers]
-    surfaces = [Surface.of(view.state, number) for number in numbers]
     all_ways: list[Way] = [(), *((mirror,) for mirror in view.mirrors)]
     found = {number: [HIDDEN] * len(all_ways) for number in numbers}
+    faces = np.zeros(max(view.state.world.instances, default=0) + 1)
+    faces[numbers] = [len(surface.corners) ** rules.tubes.spread for surface in surfaces.values()]
     for depth in (0, 1):
-        looks = []
+        looks: list[Look] = []
         for place, way in enumerate(all_ways):
             if len(way) == depth:
                 image = mirrored(way, position)
                 looks += [
-                    Look(numbers[k], place, surfaces[k].lit_points(image, rules.num_probes))
+                    Look(numbers[k], place, surfaces[numbers[k]].lit_points(image, rules.num_probes))
                     for k in np.flatnonzero(_open_to(way, position, boxes, view.tail)).tolist()
                 ]
-        for look, sight in zip(looks, _seen(view, looks, depth), strict=True):
+        for look, sight in zip(looks, _seen(view, looks, depth, faces), strict=True):
             found[look.number][look.place] = sight
     closer = []
-    for number, surface in zip(numbers, surfaces, strict=True):
+    for number, surface in surfaces.items():
         for place, way in enumerate(all_ways):
             if way and 0.0 < found[number][place].share < 2.0 * WHOLE_SHARE:
                 points = surface.lit_points(mirrored(way, position), CLOSER * rules.num_probes)
                 closer.append(Look(number, place, points))
-    for look, sight in zip(closer, _seen(view, closer, 1), strict=True):
+    for look, sight in zip(closer, _seen(view, closer, 1, faces), strict=True):
         found[look.number][look.place] = sight
     return found
 
@@ -139,8 +148,8 @@ def _open_to(way: Way, position: Array, boxes: Sequence[Array], tail: float) -> 
     return np.asarray(reaches(way, position, np.concatenate(boxes), tail).reshape(len(boxes), -1).any(axis=1))
 
 
-def _seen(view: MirrorView, looks: Sequence[Look], depth: int) -> list[Sight]:
-    """Return what ways over as many mirrors show of objects, by points on their surfaces."""
+def _seen(view: MirrorView, looks: Sequence[Look], depth: int, faces: Array) -> list[Sight]:
+    """Return what ways over as many mirrors show of objects, by points on their surfaces; `faces` as of `_turns`."""
     if not looks:
         return []
     pose = view.mount.pose
@@ -155,11 +164,30 @@ def _seen(view: MirrorView, looks: Sequence[Look], depth: int) -> list[Sight]:
     length = np.sqrt(np.einsum("ij,ij->i", ahead, ahead))
     strength = largest_field_gain(view.radar.array, ahead @ pose.rotation) / np.maximum(length, 1e-3)
     strength = strength * _largest_gain(leg.jones) * np.abs(leg.weight)
+    turns = np.zeros(len(rows)) if depth else _turns(view, points[rows], faces)
     borders = np.searchsorted(rows, np.concatenate([[0], np.cumsum(size)]))
     return [
-        _sight(strength[first:last], length[first:last], count)
+        _sight(strength[first:last], length[first:last], count, turns[first:last])
         for first, last, count in zip(borders[:-1], borders[1:], size, strict=True)
     ]
+
+
+def _turns(view: MirrorView, points: Array, faces: Array) -> Array:
+    """Return the entries in `faces` of what stands at points and of what the wave goes on to, multiplied, shape (n,).
+
+    `faces` has the number of faces of each object, to the power of `spread`, by its instance id; 0 for all else.
+    """
+    state, start = view.state, view.mount.pose.position
+    ray = points - start
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    first = state.cast(np.broadcast_to(start, ray.shape), ray)
+    slope = np.einsum("ij,ij->i", ray[first.ray], first.normal)[:, None]
+    ray = ray[first.ray] - 2.0 * slope * first.normal
+    second = state.cast(first.point - _LIFT * np.sign(slope) * first.normal, ray)
+    found = np.zeros(len(points))
+    instance = state.world.parts.instance
+    found[first.ray[second.ray]] = faces[instance[first.part[second.ray]]] * faces[instance[second.part]]
+    return found
 
 
 def _largest_gain(jones: npt.NDArray[np.complex128]) -> Array:
@@ -169,11 +197,11 @@ def _largest_gain(jones: npt.NDArray[np.complex128]) -> Array:
     return np.asarray(np.sqrt(0.5 * (total + np.sqrt(np.maximum(total**2 - 4.0 * product**2, 0.0)))))
 
 
-def _sight(strength: Array, length: Array, count: int) -> Sight:
-    """Return an object by the points that are seen, of `count`."""
+def _sight(strength: Array, length: Array, count: int, turns: Array) -> Sight:
+    """Return an object by the points that are seen, of `count`, and what they turn the wave to."""
     if not len(length):
         return HIDDEN
-    return Sight(len(length) / count, float(strength.mean()), float(length.min()))
+    return Sight(len(length) / count, float(strength.mean()), float(length.min()), float(turns.mean()))
 
 
 def changes(

@@ -27,7 +27,7 @@ from scarl_sionna.signal.antenna import boresights, largest_field_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
 from .budget import sbr_settings
-from .choose import ENOUGH, Chosen, View, counts, level_of, num_tubes_of
+from .choose import ENOUGH, Chosen, View, counts, first_share, level_of, num_tubes_of
 from .expected_error import MOST_DB, expected_errors, kept_error, levels_db, owners, reverse_doubts
 from .hybrid import solve_hybrid
 from .spend import Choice, num_pairs
@@ -204,7 +204,8 @@ class _Work:
         if level is not None:  # what is hidden ends with the first tubes
             for number, tubes in cost.items():
                 seen = min(2.0 * self.counted[number].sight.share, 1.0)
-                cost[number] = int(tubes * (seen + (1.0 - seen) / max(level.growth, 1.0)))
+                first = first_share(self.view, self.counted[number], level)
+                cost[number] = int(tubes * (first + (1.0 - first) * seen))
         for number in sorted(doubts, key=lambda one: (cost.get(one, 0), one)):
             if level is not None and spent + cost[number] <= budget:
                 spent += cost[number]
