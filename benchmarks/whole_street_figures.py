@@ -15,6 +15,10 @@ KINDS = {"field": "random fields of bodies", "street": "frames of the ready scen
 TOLERANCE = {"auto 3 dB": 3.0, "auto 1 dB": 1.0, "auto 0.3 dB": 0.3}
 
 
+WHOLE = 30.0
+"""Reach of a whole street [m]."""
+
+
 def kept(row: dict[str, Any]) -> float:
     """Return the error that 90 % of the objects keep [dB]."""
     errors = np.abs(list(row["error_db"].values()))
@@ -60,25 +64,57 @@ def report(lines: Sequence[dict[str, Any]]) -> str:
     """Return the markdown of the results."""
     text = ["![Error against CPU time, whole streets](figures/accuracy_streets.webp)", ""]
     for kind, title in KINDS.items():
-        some = [line for line in lines if line["kind"] == kind]
-        if not some:
-            continue
-        seeds = sorted(line["seed"] for line in some)
-        command = f"python benchmarks/whole_streets.py {kind} 0:{seeds[-1] + 1}"
-        whole = len(seeds) == seeds[-1] + 1
-        which = f"0 to {seeds[-1]}" if whole else ", ".join(map(str, seeds))
-        text += [
-            f"{len(some)} {title} (seeds {which}); `{command}`, {some[-1]['machine']}.",
-            "",
-            "| method | error that 90 % of the objects keep, median of the problems [dB] | 90th percentile "
-            "| tolerance met | not met and `met` true | CPU, median [s] | at most twice the cheapest sufficient |",
-            "|---|---|---|---|---|---|---|",
-        ]
-        text += [_line(some, method) for method in some[0]["methods"]] + [""]
+        for part, some in _parts([line for line in lines if line["kind"] == kind]).items():
+            text += _table(kind, f"{title}{part}", some)
     return "\n".join(text).rstrip()
 
 
+def _parts(lines: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Return whole problems, and those that are cut nearer, as what their title says more."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for line in lines:
+        found.setdefault(", cut nearer" if line.get("reach", WHOLE) < WHOLE else "", []).append(line)
+    return found
+
+
+def _table(kind: str, title: str, some: Sequence[dict[str, Any]]) -> list[str]:
+    seeds = sorted(line["seed"] for line in some)
+    which = f"{seeds[0]} to {seeds[-1]}" if len(seeds) == seeds[-1] - seeds[0] + 1 else ", ".join(map(str, seeds))
+    command = f"{kind} {seeds[0]}:{seeds[-1] + 1}" if kind == "field" else "street SEED:SEED+1 --tolerances 3 1"
+    command += " --auto-only --reach METRES" if title.endswith("nearer") else ""
+    text = [
+        f"{len(some)} {title} (seeds {which}); `python benchmarks/whole_streets.py {command}`, {some[-1]['machine']}.",
+        "",
+        "| method | error that 90 % of the objects keep, median of the problems [dB] | 90th percentile "
+        "| tolerance met | not met and `met` true | CPU, median [s] | at most twice the cheapest sufficient |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    text += [_line(some, method) for method in dict.fromkeys(name for line in some for name in line["methods"])]
+    return [*text, "", *(_frames(some) if kind == "street" else [])]
+
+
+def _frames(lines: Sequence[dict[str, Any]]) -> list[str]:
+    """Return a table with a row for each street and tolerance."""
+    text = [
+        "| frame | seed | within [m] | objects | tolerance [dB] | error that 90 % keep [dB] | largest [dB] "
+        "| stated [dB] | `met` | CPU [s] | reference, CPU [s] |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for line in lines:
+        reach = line.get("reach", WHOLE)
+        for method, tolerance in TOLERANCE.items():
+            if (row := line["methods"].get(method)) is None:
+                continue
+            largest = max(map(abs, row["error_db"].values()), default=0.0)
+            cells = [line["name"], line["seed"], f"{reach:g}", len(row["error_db"]), f"{tolerance:g}"]
+            cells += [f"{kept(row):.2f}", f"{largest:.2f}", f"{row['expected_error_db']:.2f}"]
+            cells += [str(row["met"]).lower(), f"{row['cpu']:.1f}", f"{line['reference_cpu']:.0f}"]
+            text.append("| " + " | ".join(map(str, cells)) + " |")
+    return [*text, ""]
+
+
 def _line(some: Sequence[dict[str, Any]], method: str) -> str:
+    some = [line for line in some if method in line["methods"]]
     rows = [line["methods"][method] for line in some]
     errors, cpu = np.array([kept(row) for row in rows]), np.array([row["cpu"] for row in rows])
     cells = [method, f"{np.median(errors):.2f}", f"{np.quantile(errors, 0.9):.2f}"]
@@ -88,8 +124,10 @@ def _line(some: Sequence[dict[str, Any]], method: str) -> str:
         return "| " + " | ".join(cells) + " |"
     good = errors <= tolerance
     silent = sum(row["met"] for row, ok in zip(rows, good, strict=True) if not ok)
-    cheap = [_is_cheap(line, method, tolerance) for line, ok in zip(some, good, strict=True) if ok]
-    cells += [f"{good.sum()} of {len(rows)}", str(silent), f"{np.median(cpu):.1f}", f"{sum(cheap)} of {len(cheap)}"]
+    compared = ((line, ok) for line, ok in zip(some, good, strict=True) if "sbr 1 rad, no mirrors" in line["methods"])
+    cheap = [_is_cheap(line, method, tolerance) for line, ok in compared if ok]
+    cells += [f"{good.sum()} of {len(rows)}", str(silent), f"{np.median(cpu):.1f}"]
+    cells += [f"{sum(cheap)} of {len(cheap)}" if cheap else ""]
     return "| " + " | ".join(cells) + " |"
 
 

@@ -3,11 +3,12 @@
     python benchmarks/whole_streets.py field 0:60      random fields of bodies, a line of JSON each
     python benchmarks/whole_streets.py street 0:7      frames of the ready scenes
     python benchmarks/whole_streets.py field 21:40 --tolerances 6 3 1
+    python benchmarks/whole_streets.py street 8:9 --tolerances 3 --auto-only --reach 20
     python benchmarks/whole_streets.py --write docs/accuracy.md     table and chart from the results
 
 The reference is `sbr` of all coherent bodies with ways over the mirrors that `auto` found, of fields at 0.2 rad, of
-streets at 0.4 rad, with five bounces, edges cut twice as finely as by default and no angle of return; those of streets
-take minutes and are kept.
+streets at 0.4 rad (at 0.2 rad within less than 30 m), with five bounces, edges cut twice as finely as by default and no
+angle of return; those of streets take minutes and are kept.
 Counted are objects whose echo in the reference is 10 dB over the noise of a cell.
 """
 
@@ -30,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import scarl_sionna as ss
 from benchmarks.harness import ANY_COST, machine
 from benchmarks.street_scenes import Street, problem
-from benchmarks.whole_street_figures import kept, write
+from benchmarks.whole_street_figures import WHOLE, kept, write
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel import ChannelPlan, plan_channel, solve_paths
@@ -48,6 +49,7 @@ FINE = SbrSettings(max_phase=0.2, integration_phase=0.02, edge_share=0.0625, she
 REFERENCE = {"field": FINE, "street": FINE.with_(max_phase=0.4, max_turn=3.0)}
 FINEST = {"field": 0.3, "street": 1.0}
 """Smallest tolerance asked for: the reference of the streets is not finer than the level of 0.3 dB."""
+REACH = {"field": 80.0, "street": WHOLE}
 PLAIN = SbrSettings(max_phase=1.0, integration_phase=0.1, max_depth=3)
 GONE_DB = 60.0
 """Stands for no echo at all."""
@@ -78,10 +80,17 @@ def timed(call: Callable[[], RadarPaths]) -> tuple[RadarPaths, float]:
     return paths, min(seconds)
 
 
-def solve(kind: str, seed: int, tolerances: Sequence[float] = TOLERANCES) -> dict[str, Any]:
-    """Return the line of one problem."""
+def solve(
+    kind: str,
+    seed: int,
+    tolerances: Sequence[float] = TOLERANCES,
+    reach: float | None = None,
+    is_auto_only: bool = False,
+) -> dict[str, Any]:
+    """Return the line of one problem, of all methods or of `auto` only, within its own reach unless said [m]."""
     with problem(kind, seed) as street, warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        street = replace(street, reach=street.reach if reach is None else reach)
         plan = _plan(street, FINEST[kind])
         coherent = sorted({number for share in plan.shares if share.solver == "sbr" for number in share.instances})
         level, seconds = reference(kind, seed, street, plan, coherent)
@@ -89,6 +98,7 @@ def solve(kind: str, seed: int, tolerances: Sequence[float] = TOLERANCES) -> dic
             "kind": kind,
             "seed": seed,
             "name": street.name,
+            "reach": street.reach,
             "reference_cpu": round(seconds, 2),
             "level_db": level,
             "methods": {},
@@ -109,6 +119,8 @@ def solve(kind: str, seed: int, tolerances: Sequence[float] = TOLERANCES) -> dic
             row |= {key: paths.diagnostics[key] for key in ("met", "expected_error_db")}
             row["predicted"] = paths.diagnostics["predicted"]
             line["methods"][f"auto {tolerance:g} dB"] = row
+        if is_auto_only:
+            return line
         for name, knobs, ghosts in (("sbr 1 rad, no mirrors", PLAIN, False), ("sbr 1 rad, mirrors", PLAIN, True)):
             if ghosts and kind == "street":
                 continue
@@ -125,14 +137,16 @@ def reference(
     """Return the echo of each object 10 dB over the noise [dB], and the processor time that it took [s]."""
     known = REFERENCES.read_text().splitlines() if kind == "street" and REFERENCES.exists() else []
     for line in map(json.loads, known):
-        if line["seed"] == seed and line["name"] == street.name:
+        if (line["seed"], line["name"], line.get("reach", WHOLE)) == (seed, street.name, street.reach):
             return line["level_db"], line["reference_cpu"]
     start = time.process_time()
-    truth = echoes(_by_plan(street, plan, REFERENCE[kind], True), coherent)
+    knobs = REFERENCE["field" if street.reach < WHOLE else kind]
+    truth = echoes(_by_plan(street, plan, knobs, True), coherent)
     seconds = round(time.process_time() - start, 1)
     level = {_name(street, n): round(level, 2) for n, level in truth.items() if level > 10.0}
     if kind == "street":
-        line = {"seed": seed, "name": street.name, "reference_cpu": seconds, "level_db": level, "machine": machine()}
+        line = {"seed": seed, "name": street.name, "reach": street.reach, "reference_cpu": seconds}
+        line |= {"level_db": level, "machine": machine()}
         with REFERENCES.open("a") as file:
             file.write(json.dumps(line) + "\n")
     return level, seconds
@@ -176,6 +190,8 @@ def main() -> None:
     parser.add_argument("kind", nargs="?", choices=("field", "street"))
     parser.add_argument("seeds", nargs="?", default="0:10", help="first:last, the last not included")
     parser.add_argument("--tolerances", type=float, nargs="+", default=TOLERANCES, help="of `auto` [dB]")
+    parser.add_argument("--reach", type=float, help="of the problem, if not its own [m]")
+    parser.add_argument("--auto-only", action="store_true", help="leave the other methods out")
     parser.add_argument("--out", type=Path, default=RESULTS)
     parser.add_argument("--write", type=Path, metavar="PAGE")
     arguments = parser.parse_args()
@@ -184,12 +200,13 @@ def main() -> None:
         return
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     lines = arguments.out.read_text().splitlines() if arguments.out.exists() else []
-    done = {(line["kind"], line["seed"]) for line in map(json.loads, lines)}
+    done = {(line["kind"], line["seed"], line.get("reach", REACH[line["kind"]])) for line in map(json.loads, lines)}
     first, last = map(int, arguments.seeds.split(":"))
     for seed in range(first, last):
-        if (arguments.kind, seed) in done:
+        if (arguments.kind, seed, arguments.reach or REACH[arguments.kind]) in done:
             continue
-        line = {**solve(arguments.kind, seed, arguments.tolerances), "machine": machine()}
+        found_line = solve(arguments.kind, seed, arguments.tolerances, arguments.reach, arguments.auto_only)
+        line = {**found_line, "machine": machine()}
         with arguments.out.open("a") as file:
             file.write(json.dumps(line) + "\n")
         found = {name: f"{kept(row):.2f} dB {row['cpu']:.1f} s" for name, row in line["methods"].items()}
