@@ -46,7 +46,7 @@ REFERENCES = Path("docs/figures/data/street_references.jsonl")
 TOLERANCES = (6.0, 3.0, 1.0, 0.3)
 UNLIMITED = 10**9
 FINE = SbrSettings(max_phase=0.2, integration_phase=0.02, edge_share=0.0625, sheet_share=0.05, max_depth=5)
-REFERENCE = {"field": FINE, "street": FINE.with_(max_phase=0.4, max_turn=3.0)}
+REFERENCE = {"field": FINE, "street": FINE.with_(max_phase=0.4, max_turn=3.0), "near": FINE}
 FINEST = {"field": 0.3, "street": 1.0}
 """Smallest tolerance asked for: the reference of the streets is not finer than the level of 0.3 dB."""
 REACH = {"field": 80.0, "street": WHOLE}
@@ -140,7 +140,7 @@ def reference(
         if (line["seed"], line["name"], line.get("reach", WHOLE)) == (seed, street.name, street.reach):
             return line["level_db"], line["reference_cpu"]
     start = time.process_time()
-    knobs = REFERENCE["field" if street.reach < WHOLE else kind]
+    knobs = REFERENCE["near" if street.reach < WHOLE else kind]
     truth = echoes(_by_plan(street, plan, knobs, True), coherent)
     seconds = round(time.process_time() - start, 1)
     level = {_name(street, n): round(level, 2) for n, level in truth.items() if level > 10.0}
