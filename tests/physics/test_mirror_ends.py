@@ -15,6 +15,7 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, plan_channel, solve_paths
+from scarl_sionna.radar.optics.edges.fresnel_ends import beyond_straight_end
 from tests.oracles.kirchhoff import share_of_half_plane
 from tests.scenes import Thing, ball, box, plane, write_scene
 
@@ -160,3 +161,40 @@ def test_the_wall_itself_fades_beyond_its_end(ends) -> None:
         expected = share_of_half_plane((ahead, WALL), (ahead, WALL), END, RADAR.wavelength)
         assert short.num_paths == long.num_paths == 1
         assert abs(short.a[0, 0, 0] / long.a[0, 0, 0] - expected) < 4e-3
+
+
+@pytest.mark.parametrize("max_phase", [3.0, 1.0, 0.2])
+def test_a_plate_seen_over_the_end_of_a_wall_is_the_integral_over_it(tmp_path, max_phase: float) -> None:
+    """A plate stands at a wall that ends before it: a Fresnel unit is some centimetres, a patch half a metre."""
+    radar, wall, end = np.array([-17.0, -1.75, 0.5]), -4.9, -1.0
+    knobs = SbrSettings(max_phase=max_phase, max_depth=1, floor_db=None)
+    plan = ChannelPlan((Share("sbr", ("plate",), knobs, through_mirrors=True),), ("wall",), echoes=False)
+    found = []
+    for wall_end in (end, 20.0):
+        things = [
+            Thing("plate", plane(0.6, 0.6, (0.0, -4.55, 3.0), (-1, 0, 0)), "TrafficSign", "steel"),
+            Thing("wall", plane(8.0, 60.0, (wall_end - 30.0, wall, 3.5), (0, 1, 0)), "Wall", "steel"),
+        ]
+        state = load_scene(write_scene(tmp_path / f"{wall_end:g}", things)).at(0.0)
+        paths = solve_paths(state, RADAR, Pose(radar), "hybrid", plan=plan)
+        wave = paths.a[:, 0, 0] * np.exp(-2j * np.pi / RADAR.wavelength * paths.length)
+        number = {state.world.instances[one].name: one for one in state.world.instances}
+        way = number["plate"], number["wall"]
+        found.append(abs(wave[[tuple(row[row >= 0]) == way for row in paths.instance]].sum()))
+
+    step, image = 5e-4, np.array([radar[0], 2.0 * wall - radar[1], radar[2]])
+    middle = np.arange(-0.3 + step / 2.0, 0.3, step)
+    y, z = np.meshgrid(middle - 4.55, middle + 3.0, indexing="ij")
+
+    def length(station: np.ndarray) -> np.ndarray:
+        return np.sqrt(station[0] ** 2 + (y - station[1]) ** 2 + (z - station[2]) ** 2)
+
+    there, back = length(radar), length(image)
+    level = np.hypot(end - radar[0], wall - radar[1]) + np.hypot(end, y - wall)
+    longer = np.hypot(level, z - radar[2]) - back  # by the wall's end
+    reflected = radar[0] * (y - wall) / (y - image[1])  # x of the point on the wall
+    weight = beyond_straight_end(np.sign(reflected - end) * np.sqrt(4.0 * np.maximum(longer, 0.0) / RADAR.wavelength))
+
+    field = np.exp(-2j * np.pi / RADAR.wavelength * (there + back)) / (there**2 * back)
+    expected = abs(np.sum(weight * field)) / abs(np.sum(field))
+    assert 20.0 * np.log10(found[0] / found[1] / expected) == pytest.approx(0.0, abs=0.7)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import NoReturn
@@ -28,6 +29,9 @@ too long is cut again, so this decides the number of cuts, not the accuracy."""
 
 FINEST = 4.0 / np.pi
 """1 over half of the phase over a quarter of a wavelength [1/rad]: the pattern of smaller patches hardly changes."""
+MOST_ACROSS = 1.0 / 3.0
+"""A patch reaches no farther across the end of a mirror [Fresnel units]: it has the weight of its middle.
+docs/accuracy.md, ends of mirrors."""
 _SPLIT_AGAIN = 1.3
 """Pieces of pieces that are too long after the second cut; mean over triangles of all shapes. Only for the count
 beforehand."""
@@ -172,11 +176,29 @@ class PatchSize:
         return dr.maximum(dr.maximum(phase, ramp), dr.sqrt(square) / longest)
 
 
+@dataclass(frozen=True, eq=False)
+class EvenSize:
+    """How large patches may be that are seen over mirrors which end near there.
+
+    Attributes
+    ----------
+    across_ends : sequence of callable
+        As of :class:`.tubes.screens.Window`.
+    """
+
+    across_ends: Sequence[Callable[[Array], Array]]
+    passed: None = None
+
+    def excess(self, corners: Array, source: Array, rows: Index, receiver: Array) -> Array:
+        """Return by how much each side is too long, shape (num_patches, 3); see :meth:`PatchSize.excess`."""
+        return np.asarray(np.maximum.reduce([one(corners) for one in self.across_ends]) / MOST_ACROSS)
+
+
 def split(
     corners: Array,
     source: Array,
     receiver: Array,
-    size: PatchSize,
+    size: PatchSize | EvenSize,
     max_patches: int,
     allowed: float = 1.0,
 ) -> tuple[Array, Index]:
@@ -191,7 +213,7 @@ def split(
     source : ndarray of float64, shape (num_triangles, 3) or (1, 3)
         Where the wave comes from (the transmitter or an image of it) [m, world]; one row is that of all.
     receiver : ndarray of float64, shape (3,)
-    size : PatchSize
+    size : PatchSize or EvenSize
     max_patches : int
     allowed : float
         Pieces may be so many times as long as `size` says.

@@ -27,7 +27,7 @@ from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 
 from .faces.panes import DARK, MOST_PANES, Panes
 from .patches import PatchSize, split, too_many_patches
-from .tubes.cutting import Cut, Landing, Seen
+from .tubes.cutting import Cut, Landing, Seen, cut_at_ends
 from .tubes.narrow import NarrowBodies
 from .tubes.probes import SAME_DISTANCE
 from .tubes.returning import ComingBack, Return
@@ -263,7 +263,8 @@ class Tracer:
             while stack:
                 depth, tubes = stack.pop()
                 arrival = yield from self._arrive(depth, tubes)
-                yield from self._for_motion(arrival.seen)
+                windows = (self.tx.window, self.rx.window)[depth > 1 :]
+                yield from self._for_motion(cut_at_ends(arrival.seen, windows, self.settings.max_patches))
                 if depth < self.settings.max_depth and len(arrival.lit):
                     following = yield from self._next(arrival.lit)
                     stack += [(depth + 1, batch) for batch in following.batches(self.settings.max_tubes)]
@@ -378,9 +379,8 @@ class Tracer:
             yield tubes
             return
         source, receiver = tubes.image[:, -1], self.rx.pose.position
-        size = replace(
-            self.size, max_phase=np.inf, passed=passed
-        )  # edges may not do for what moves: the band counts again
+        # edges may not do for what moves: the band counts again
+        size = replace(self.size, max_phase=np.inf, passed=passed)
         excess = size.excess(tubes.corners, source, np.arange(len(tubes)), receiver)
         batch = (np.cumsum(size.pieces_of(excess)) / self.settings.max_tubes).astype(np.int64)
         for rows in np.split(np.arange(len(tubes)), np.flatnonzero(np.diff(batch)) + 1):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import combinations_with_replacement, permutations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -332,7 +333,8 @@ class Meshes:
             passing = passing - 2.0 * (mirror.normal @ passing) * mirror.normal
             side = np.sign(float(mirror.height(source)))
             plane = side * mirror.normal, side * mirror.offset
-            window = Window(*plane, self._owner(view), mirror.number, lift, source, window, beside)
+            across = None if beside is None or not len(beside.length) else partial(view.across_ends, mirror.number)
+            window = Window(*plane, self._owner(view), mirror.number, lift, source, window, beside, across)
             source = mirrored((mirror,), source)
         station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
         return replace(station, window=window, axes=axes, passing=passing)

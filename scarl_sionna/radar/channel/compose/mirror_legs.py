@@ -159,11 +159,24 @@ class MirrorView:
         """
         if self.ends is None:
             return None
+        return self.ends.strips(number, self._reflected(number, points), together)
+
+    def across_ends(self, number: int, corners: Array) -> Array:
+        """Return how far the sides of triangles, (n, 3, 3) [m, world], reach across ends of a mirror.
+
+        Shape (n, 3) [Fresnel units]; side i runs from corner i to i + 1.
+        """
+        if self.ends is None or not len(corners):
+            return np.zeros((len(corners), 3))
+        return self.ends.across(number, self._reflected(number, corners.reshape(-1, 3)))
+
+    def _reflected(self, number: int, points: Array) -> Reflections:
+        """Return the reflections at a mirror on the way to points; those behind it are taken to be just before it."""
         normal, offset = self._planes[0][number], self._planes[1][number]
         side = float(np.sign(self.station.position @ normal - offset))
         sunk = np.maximum(2.0 * self.knobs.thickness - side * (points @ normal - offset), 0.0)
         points = points + (side * sunk)[:, None] * normal
-        return self.ends.strips(number, self.reflections(np.full((len(points), 1), number), points), together)
+        return self.reflections(np.full((len(points), 1), number), points)
 
     def chain(self, ways: Ways) -> Chain:
         """Return the chains of reflections of ways."""

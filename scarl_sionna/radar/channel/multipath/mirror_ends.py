@@ -297,6 +297,25 @@ class MirrorEnds:
         widest, longest = (np.where(near, column, 0.0).max(axis=0, initial=0.0) for column in (width, beyond))
         return Strips(*(column[used] for column in (pieces.start, along, pieces.out, length, longest, widest)))
 
+    def across(self, number: int, at: Reflections) -> Array:
+        """Return how far the sides of triangles reach across ends of a mirror, (num_triangles, 3) [Fresnel units].
+
+        `at` are the reflections on the way to their corners, three of each. Only what is within the reach of an end
+        counts.
+        """
+        outline, reach, count = self._outline(number), self.knobs.end_reach, len(at.mirror) // 3
+        outline = outline.take(outline.free)
+        found = np.zeros((count, 3))
+        together = max(_TOGETHER, _COMPARED // max(len(outline.owner), 1))
+        for rows in np.array_split(np.arange(count), -(-count // together)) if len(outline.owner) else []:
+            some = at.take((3 * rows[:, None] + np.arange(3)).ravel())
+            near = outline.take(self._may_be_near(number, outline, some))
+            height, away = (one.reshape(len(rows), 3, -1) for one in edge_distances(*self._seen(number, near, some)))
+            beside = np.sqrt(np.maximum(away**2 - height**2, 0.0)).min(axis=1, keepdims=True) < reach
+            height = np.where(beside, np.clip(height, -reach, reach), 0.0)
+            found[rows] = np.abs(np.roll(height, -1, axis=1) - height).max(axis=2, initial=0.0)
+        return found
+
     @cached_property
     def _normal(self) -> Array:
         return np.array([mirror.normal for mirror in self.mirrors]).reshape(-1, 3)

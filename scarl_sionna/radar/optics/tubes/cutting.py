@@ -13,10 +13,12 @@ from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 
 from ..faces.panes import Panes
+from ..patches import EvenSize, split
 from .probes import CentralRays, PlaneProbe, Probe
 from .refine import Pieces, refined
-from .screens import Screen, ScreenedProbe
+from .screens import Screen, ScreenedProbe, Window
 from .together import Question
+from .trace import TableT
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -144,3 +146,13 @@ class Landing:
         if stations:
             probe.only_towards(np.concatenate(stations), faces.triangles.normal, faces.triangles.offset, angle)
         return probe
+
+
+def cut_at_ends(tubes: TableT, windows: Sequence[Window | None], max_patches: int) -> TableT:
+    """Return footprints, cut so that the ends of the mirrors of some windows change the field little over each."""
+    across = [one.across_ends for one in dict.fromkeys(windows) if one is not None and one.across_ends is not None]
+    if not across or not len(tubes):
+        return tubes
+    anywhere = np.zeros((1, 3))  # only mirrors count
+    corners, rows = split(tubes.corners, anywhere, anywhere[0], EvenSize(across), max_patches)
+    return tubes.take(rows, corners)

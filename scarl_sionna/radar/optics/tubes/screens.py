@@ -5,7 +5,7 @@ One kernel serves the tubes of many stations, each row with its own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -71,6 +71,8 @@ class Window:
         Through which the source looks, where it is an image.
     strips : Strips, optional
         Where the mirror goes on beside its faces, with nothing there that a ray could meet.
+    across_ends : callable, optional
+        Returns how far the sides of triangles reach across ends of the mirror, (n, 3, 3) to (n, 3) [Fresnel units].
     """
 
     normal: Array
@@ -81,6 +83,7 @@ class Window:
     source: Array | None = None
     earlier: Window | None = None
     strips: Strips | None = None
+    across_ends: Callable[[Array], Array] | None = None
 
     def entry(self, station: Array, points: Array) -> Array:
         """Return where rays from a station (3,) to points (n, 3) begin, shape (n, 3) [m].
