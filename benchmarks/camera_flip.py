@@ -1,7 +1,7 @@
 """Camera: CPU time against FLIP, by samples, sampler and denoiser, in places and lights on which nothing was tuned.
 
     pip install 'scarl-sionna[flip]'
-    python benchmarks/camera_flip.py measure --references FOLDER --results FILE [--views NAME ...]
+    python benchmarks/camera_flip.py measure --references FOLDER --results FILE [--samplers] [--views NAME ...]
     python benchmarks/camera_flip.py show --results FILE [--figures docs/figures]
 
 FLIP [1] is the difference that a person sees who flips between two images. It is taken of developed 8-bit images, in
@@ -74,12 +74,14 @@ VIEWS = {
 }
 
 
-SAMPLERS = {"independent": (4, 16), "stratified": (4, 16), "ldsampler": (4, 16), "orthogonal": (4, 9, 25)}
+SAMPLERS = {"independent": (16,), "stratified": (16,), "ldsampler": (16,), "orthogonal": (25,)}
 """Mitsuba's other samplers, and samples of one launch: squares, for the last one of primes."""
 denoising = importlib.import_module("camera_lidar.camera.denoise")
 DENOISERS: dict[str, dict[str, Any]] = {
-    "denoiser fast": {"QUALITY": "fast"},
-    "guides taken as clean": {"CLEAN_GUIDES": True},
+    "fast filter": {"QUALITY": "fast"},
+    "clean guides": {"CLEAN_GUIDES": True},
+    "balanced filter, clean guides": {"QUALITY": "balanced", "CLEAN_GUIDES": True},
+    "fast filter, clean guides": {"QUALITY": "fast", "CLEAN_GUIDES": True},
 }
 
 
@@ -137,11 +139,15 @@ class Bench:
     def __init__(self, name: str, place: Place, against: Array) -> None:
         self.name, self.place, self.against = name, place, against
         self.rows: list[dict[str, Any]] = []
-        self.traced(1)  # compile
+        self.warm: set[tuple[object, ...]] = set()
 
     def traced(self, samples: int, seed: int = 7) -> tuple[Any, float, float]:
         """Return what is traced of an image, the CPU seconds of the light paths, and those of albedo and normals."""
         spec = spec_of(RENDERED).with_(samples_per_pixel=samples)
+        if (samples, render.ROULETTE_DEPTH, ray_table.SAMPLER) not in self.warm:
+            self.warm.add((samples, render.ROULETTE_DEPTH, ray_table.SAMPLER))
+            with few_threads(), changed(recording, _recorded=lambda *_: None):
+                render.render_radiance(self.place.state, spec, self.place.pose, np.random.default_rng(0))
         traced, guiding = render._Traced.black(spec), [0.0]
         state, guides = self.place.state, render._guides
 
@@ -182,7 +188,7 @@ def changed(module: Any, **values: Any) -> Iterator[None]:
             setattr(module, name, value)
 
 
-def measure(name: str, place: Place, against: Array) -> list[dict[str, Any]]:
+def measure(name: str, place: Place, against: Array, samplers: bool) -> list[dict[str, Any]]:
     """Return the rows of a view."""
     bench = Bench(name, place, against)
     for count in COUNTS:
@@ -196,11 +202,12 @@ def measure(name: str, place: Place, against: Array) -> list[dict[str, Any]]:
                 bench.add("guides of 4 samples", count, bench.traced(count), both=False)
             with changed(render, ROULETTE_DEPTH=2):
                 bench.add("roulette from 2", count, bench.traced(count))
-    for sampler, counts in SAMPLERS.items():
+    for sampler, counts in SAMPLERS.items() if samplers else ():
         with changed(ray_table, SAMPLER=sampler), changed(render, launch_samples=lambda samples, most=None: [samples]):
             for count in counts:
                 bench.add(sampler, count, bench.traced(count))
-    adaptive(bench)
+    if samplers:
+        adaptive(bench)
     return bench.rows
 
 
@@ -240,6 +247,9 @@ def show(rows: list[dict[str, Any]]) -> None:
         ]
         return float(np.mean(found)) if found else float("nan")
 
+    def cell(value: float, form: str) -> str:
+        return format(value, form) if np.isfinite(value) else "–"
+
     def usual(view: str, samples: float, denoise: bool) -> float:
         """Return the FLIP of the default sampler, between the measured numbers of samples linear in logarithms."""
         known = np.log([mean(view, DEFAULT, count, denoise) for count in COUNTS])
@@ -249,7 +259,7 @@ def show(rows: list[dict[str, Any]]) -> None:
     print("|---" * (1 + 2 * len(COUNTS)) + "|")
     for view in views:
         cells = [
-            f"{mean(view, DEFAULT, n, d):.4f} ({mean(view, DEFAULT, n, d, 'cpu'):.2f} s)"
+            f"{cell(mean(view, DEFAULT, n, d), '.4f')} ({cell(mean(view, DEFAULT, n, d, 'cpu'), '.2f')} s)"
             for n in COUNTS
             for d in (False, True)
         ]
@@ -265,7 +275,7 @@ def show(rows: list[dict[str, Any]]) -> None:
                 cells = []
                 for view in views:
                     plain = mean(view, base, samples, denoise) if base != DEFAULT else usual(view, samples, denoise)
-                    cells.append(f"{mean(view, what, samples, denoise) / plain:.2f}")
+                    cells.append(cell(mean(view, what, samples, denoise) / plain, ".2f"))
                 print(f"| {what}, {samples:g}{', denoised' if denoise else ''} | " + " | ".join(cells) + " |")
 
 
@@ -274,9 +284,9 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     import matplotlib.pyplot as plt
     from matplotlib.ticker import NullFormatter, ScalarFormatter
 
-    views = list(dict.fromkeys(row["view"] for row in rows))
-    figure, panels = plt.subplots(2, (len(views) + 1) // 2, figsize=(11, 5.2), layout="constrained")
-    for axis, view in zip(panels.ravel(), views, strict=False):
+    views = list(dict.fromkeys(row["view"] for row in rows if row["what"] == DEFAULT and np.isfinite(row["cpu"])))
+    figure, panels = plt.subplots(1, len(views), figsize=(3.4 * len(views), 3.2), layout="constrained", squeeze=False)
+    for axis, view in zip(panels.ravel(), views, strict=True):
         for denoise, style in ((False, "o--"), (True, "s-")):
             own = [r for r in rows if (r["view"], r["what"], r["denoise"]) == (view, DEFAULT, denoise)]
             points = [
@@ -288,6 +298,8 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
                 mark = {8: " draft", 16: " default"}.get(count, "") if denoise else ""
                 axis.annotate(f"{count}{mark}", (x, y), textcoords="offset points", xytext=(3, 4), fontsize=7)
         axis.set_title(view, fontsize=9)
+        axis.set_xticks([0.3, 0.5, 1, 2, 3, 5])
+        axis.set_yticks([0.04, 0.06, 0.08, 0.1, 0.15, 0.2])
         for one in (axis.xaxis, axis.yaxis):
             one.set_major_formatter(ScalarFormatter())
             one.set_minor_formatter(NullFormatter())
@@ -307,6 +319,7 @@ def main() -> None:
     parser.add_argument("--references", type=Path)
     parser.add_argument("--reference-spp", type=int, default=4096)
     parser.add_argument("--results", type=Path, help="JSON lines; measured views are added")
+    parser.add_argument("--samplers", action="store_true", help="other samplers and adaptive samples, too")
     parser.add_argument("--figures", type=Path)
     args = parser.parse_args()
     warnings.simplefilter("ignore", ScarlWarning)
@@ -321,7 +334,7 @@ def main() -> None:
         place = place_of(VIEWS[name])
         against = reference(name, place, args.references, args.reference_spp)
         if args.what == "measure":
-            found = measure(name, place, against)
+            found = measure(name, place, against, args.samplers)
             with args.results.open("a") as stream:
                 stream.writelines(json.dumps(row) + "\n" for row in found)
 
