@@ -121,7 +121,7 @@ class RadarSettings(Spec):
     def preset(cls, quality: str) -> RadarSettings:
         """Return the settings of a quality.
 
-        ``"full"`` states the default numbers of rays and tubes, ``"draft"`` a quarter of the rays and a twentieth of
+        ``"full"`` states the default numbers of rays and tubes, ``"draft"`` a quarter of the rays and 4 % of
         the tubes; nothing else is set.
 
         Raises
@@ -133,7 +133,7 @@ class RadarSettings(Spec):
             raise UnknownNameError("quality", quality, QUALITIES)
         rays, tubes = RaycastSettings().num_rays, Accuracy().tube_budget
         if quality == "draft":
-            rays, tubes = 250_000, 50_000
+            rays, tubes = 250_000, 40_000
         return cls(raycast=RaycastSettings(num_rays=rays), accuracy=Accuracy(tube_budget=tubes))
 
     @classmethod
