@@ -41,6 +41,10 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
+_OF_ONE = 4
+"""A tracing that asks about this part of `max_tubes` fills the calls of the rays alone: no other begins beside it, so
+that not all of them hold their rows at once. Bounds the memory."""
+
 
 def solve_sbr(
     state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings, receiver: Mount | None = None
@@ -225,7 +229,7 @@ def solve_between(bodies: Bodies, pairs: Sequence[Pair]) -> list[RadarPaths]:
         solves = [_Solve(bodies, pair) for pair in pairs]
         tracings = [solve.tracer.tracing(solve.start) for solve in solves]
         fields = _Fields()
-        for number, patches in together(tracings, bodies.knobs.max_tubes):
+        for number, patches in together(tracings, bodies.knobs.max_tubes // _OF_ONE):
             fields.add(solves[number], patches)
             if fields.num_patches >= bodies.knobs.max_tubes:
                 fields.finish()
