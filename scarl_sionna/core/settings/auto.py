@@ -86,7 +86,7 @@ class ErrorEstimate(Spec):
         "expected error",
     )
     confidence: float = Field(
-        0.8,
+        0.85,
         gt=0.0,
         lt=1.0,
         description="probability with which the error is kept that a solve states: a ratio; docs/accuracy.md, expected "

@@ -454,7 +454,7 @@ class _Lobe:
         if key not in self.known:
             count = len(self.values)
             on_step = np.concatenate(
-                [[0.0], self.values[:0:-1], self.values, np.zeros(apart * (int(column[-1]) + 1) + 1)]
+                [[0.0], self.values[:0:-1], self.values, np.zeros(apart * (int(column.max(initial=-1)) + 1) + 1)]
             )
             slope, beyond = np.diff(on_step, append=0.0), on_step.copy()
             slope[[0, 2 * count - 1]] = beyond[2 * count - 1] = 0.0
