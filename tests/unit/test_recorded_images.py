@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import signal
+import time
 import weakref
 from pathlib import Path
 
@@ -89,3 +91,37 @@ def test_another_number_of_threads_is_another_kind(tmp_path: Path) -> None:
     limit_threads(2)
     assert images[0] == images[1] == images[2]
     assert [key[-1] for key in recording._RECORDED[world.twin("optical")]] == [3, 2]  # the last used at the end
+
+
+def test_a_signal_waits_for_the_end_of_a_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while an image is recorded, then while it is run again: raised behind it, and the next image is right."""
+    world = street(tmp_path / "street", HAZE)
+    expected = shot(world, 5)
+    made, pressed = recording.ray_table_sensor, []
+
+    def pressing(*given: object) -> object:
+        sensor = made(*given)  # type: ignore[arg-type]
+        taken = sensor.take
+
+        def take(*rays: object) -> None:
+            pressed.append(True)
+            signal.raise_signal(signal.SIGINT)
+            time.sleep(0.001)  # Python runs handlers between two of its steps
+            taken(*rays)
+
+        sensor.take = take
+        return sensor
+
+    with monkeypatch.context() as pressing_while_recorded:
+        pressing_while_recorded.setattr(recording, "ray_table_sensor", pressing)
+        with pytest.raises(KeyboardInterrupt):
+            shot(world, 1)
+    assert pressed
+    handler = signal.getsignal(signal.SIGINT)
+    assert handler is signal.default_int_handler
+    with pytest.raises(KeyboardInterrupt), recording.signals_wait():
+        signal.raise_signal(signal.SIGINT)
+        done = True
+    assert done and signal.getsignal(signal.SIGINT) is handler
+    recording._RECORDED.clear()
+    assert np.array_equal(shot(world, 5), expected)

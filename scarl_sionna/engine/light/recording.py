@@ -8,6 +8,7 @@ follows, only to find it in the cache: 0.1 s on a highway, 0.25 s in a street, o
 from __future__ import annotations
 
 import gc
+import signal
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
@@ -71,7 +72,30 @@ class _Recorded:
         self._render = dr.freeze(render, warn_after=1 << 16)
 
     def __call__(self, scene: MitsubaObject, tracer: LightTracer, table: RayTable, seed: int) -> DeviceArray:
-        return self._render(scene, tracer.numbers, ray_numbers(self._mi, table), self._mi.UInt32(seed))
+        with signals_wait():
+            return self._render(scene, tracer.numbers, ray_numbers(self._mi, table), self._mi.UInt32(seed))
+
+
+@contextmanager
+def signals_wait() -> Iterator[None]:
+    """Return a context manager in which handlers of signals that Python runs wait for its end.
+
+    An exception out of the middle of a recording, as Ctrl-C is one, ends the process.
+    """
+    handlers: dict[int, Any] = {}
+    caught: list[int] = []
+    if threading.current_thread() is threading.main_thread():  # no other one runs handlers
+        handlers = {number: signal.getsignal(number) for number in signal.valid_signals()}
+        handlers = {number: handler for number, handler in handlers.items() if callable(handler)}
+    for number in handlers:
+        signal.signal(number, lambda number, _: caught.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for number in caught:
+            handlers[number](number, None)
 
 
 class HasScene(Protocol):
