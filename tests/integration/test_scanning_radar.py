@@ -192,7 +192,7 @@ def test_the_example_rig_is_read_and_sees_the_street() -> None:
     assert rig["roof/radar"].spec == ss.ScanningRadarSpec.preset("cts350x")
     assert rig["roof/radar"].settings.scanning.num_blocks == 4
     draft = rig.in_quality("draft")["roof/radar"].settings
-    assert (draft.method, draft.raycast.num_rays, draft.accuracy.tube_budget) == ("raycast", 300_000, 40_000)
+    assert (draft.method, draft.raycast.num_rays, draft.accuracy.tube_budget) == ("raycast", 300_000, 35_000)
 
 
 def test_power_is_left_out_unless_asked_for_and_datasets_without_one_say_nothing(tmp_path, world) -> None:

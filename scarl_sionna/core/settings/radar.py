@@ -133,7 +133,7 @@ class RadarSettings(Spec):
             raise UnknownNameError("quality", quality, QUALITIES)
         rays, tubes = RaycastSettings().num_rays, Accuracy().tube_budget
         if quality == "draft":
-            rays, tubes = 250_000, 40_000
+            rays, tubes = 250_000, 35_000
         return cls(raycast=RaycastSettings(num_rays=rays), accuracy=Accuracy(tube_budget=tubes))
 
     @classmethod

@@ -30,8 +30,8 @@ too long is cut again, so this decides the number of cuts, not the accuracy."""
 FINEST = 4.0 / np.pi
 """1 over half of the phase over a quarter of a wavelength [1/rad]: the pattern of smaller patches hardly changes."""
 MOST_ACROSS = 1.0 / 3.0
-"""A patch reaches no farther across the end of a mirror [Fresnel units]: it has the weight of its middle.
-docs/accuracy.md, ends of mirrors."""
+"""A patch reaches no farther across the end of a mirror [Fresnel units], or than `edge_share`, 1 at most, where edges
+are cut more coarsely: it has the weight of its middle. docs/accuracy.md, ends of mirrors."""
 _SPLIT_AGAIN = 1.3
 """Pieces of pieces that are too long after the second cut; mean over triangles of all shapes. Only for the count
 beforehand."""
@@ -184,14 +184,18 @@ class EvenSize:
     ----------
     across_ends : sequence of callable
         As of :class:`.tubes.screens.Window`.
+    edge_share : float
+        As in SbrSettings.
     """
 
     across_ends: Sequence[Callable[[Array], Array]]
+    edge_share: float
     passed: None = None
 
     def excess(self, corners: Array, source: Array, rows: Index, receiver: Array) -> Array:
         """Return by how much each side is too long, shape (num_patches, 3); see :meth:`PatchSize.excess`."""
-        return np.asarray(np.maximum.reduce([one(corners) for one in self.across_ends]) / MOST_ACROSS)
+        allowed = max(MOST_ACROSS, min(self.edge_share, 1.0))
+        return np.asarray(np.maximum.reduce([one(corners) for one in self.across_ends]) / allowed)
 
 
 def split(

@@ -264,7 +264,7 @@ class Tracer:
                 depth, tubes = stack.pop()
                 arrival = yield from self._arrive(depth, tubes)
                 windows = (self.tx.window, self.rx.window)[depth > 1 :]
-                yield from self._for_motion(cut_at_ends(arrival.seen, windows, self.settings.max_patches))
+                yield from self._for_motion(cut_at_ends(arrival.seen, windows, self.settings))
                 if depth < self.settings.max_depth and len(arrival.lit):
                     following = yield from self._next(arrival.lit)
                     stack += [(depth + 1, batch) for batch in following.batches(self.settings.max_tubes)]

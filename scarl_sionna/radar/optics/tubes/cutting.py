@@ -148,11 +148,13 @@ class Landing:
         return probe
 
 
-def cut_at_ends(tubes: TableT, windows: Sequence[Window | None], max_patches: int) -> TableT:
+def cut_at_ends(tubes: TableT, windows: Sequence[Window | None], settings: SbrSettings) -> TableT:
     """Return footprints, cut so that the ends of the mirrors of some windows change the field little over each."""
     across = [one.across_ends for one in dict.fromkeys(windows) if one is not None and one.across_ends is not None]
     if not across or not len(tubes):
         return tubes
     anywhere = np.zeros((1, 3))  # only mirrors count
-    corners, rows = split(tubes.corners, anywhere, anywhere[0], EvenSize(across), max_patches)
+    corners, rows = split(
+        tubes.corners, anywhere, anywhere[0], EvenSize(across, settings.edge_share), settings.max_patches
+    )
     return tubes.take(rows, corners)
