@@ -121,7 +121,7 @@ class RadarSettings(Spec):
     def preset(cls, quality: str) -> RadarSettings:
         """Return the settings of a quality.
 
-        ``"full"`` states the default numbers of rays and tubes, ``"draft"`` a quarter of the rays and 4 % of
+        ``"full"`` states the default numbers of rays and tubes, ``"draft"`` a quarter of the rays and 3.5 % of
         the tubes; nothing else is set.
 
         Raises
