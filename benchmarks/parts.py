@@ -16,6 +16,7 @@ import json
 import time
 import warnings
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -170,7 +171,8 @@ def digest(value: Any) -> str:
                 add(one)
         elif hasattr(item, "__dict__"):
             for name, one in sorted(vars(item).items()):
-                if name not in ("timings", "diagnostics", "provenance"):
+                derived = isinstance(getattr(type(item), name, None), cached_property)
+                if not derived and name not in ("timings", "diagnostics", "provenance"):
                     add(one)
 
     add(value)

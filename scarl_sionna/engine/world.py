@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_cross
 from scarl_sionna.core.errors import InputTypeError, ScarlWarning, TimeRangeError, UnknownNameError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
@@ -572,7 +573,7 @@ class WorldState(Described):
         if motions:
             offset = point[rows] - np.array([each.pose.position for each in motions])[motion]
             turning = np.array([each.twist.angular for each in motions])[motion]
-            velocity[rows] = np.array([each.twist.linear for each in motions])[motion] + np.cross(turning, offset)
+            velocity[rows] = np.array([each.twist.linear for each in motions])[motion] + row_cross(turning, offset)
         if self._bent_faces is not None:
             bent = self._bent_faces
             velocity += bent.nearest(np.asarray(part), point) if face is None else bent.at(face, point)
@@ -587,6 +588,28 @@ class WorldState(Described):
     @cached_property
     def _bounds(self) -> tuple[Array, Array]:
         return self._triangles.bounds()
+
+    @cached_property
+    def _instance_bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corners of the boxes of all instances, in the table's order."""
+        parts = [list(info.parts) for info in self.world.instances.values()]
+        if not parts:
+            return np.zeros((0, 3)), np.zeros((0, 3))
+        rows, first = np.concatenate(parts), np.cumsum([0, *(len(own) for own in parts[:-1])])
+        lower, upper = self._bounds
+        return np.minimum.reduceat(lower[rows], first), np.maximum.reduceat(upper[rows], first)
+
+    @cached_property
+    def _face_velocity(self) -> Array:
+        """Velocity of the centroids of all triangles, shape (num_faces, 3) [m/s, world]; zero at rest."""
+        corners, first = self._triangles.corners, self._triangles.first
+        part = np.repeat(np.arange(len(first) - 1), np.diff(first))
+        found = np.zeros((len(part), 3))
+        rows = np.flatnonzero(self.world.parts.actor[part] >= 0)
+        center = (corners[rows, 0] + corners[rows, 1] + corners[rows, 2]) / 3.0
+        found[rows] = self.point_velocity(part[rows], center)
+        found.flags.writeable = False
+        return found
 
     def _applied(self, kind: str) -> Twin:
         """Return a twin that stands in this state."""
@@ -637,6 +660,10 @@ class WorldState(Described):
 
     def boxes(self) -> tuple[ObjectState, ...]:
         """Return the ground truth of every actor that is in the scene and of every static object."""
+        return self._boxes
+
+    @cached_property
+    def _boxes(self) -> tuple[ObjectState, ...]:
         states = []
         for info in self.world.instances.values():
             if not info.is_object or (info.actor is not None and not self._is_present(info.actor)):
@@ -701,7 +728,8 @@ class WorldState(Described):
         Rooms (``room = true`` in scene.toml) are there to be stood in and do not count.
         """
         where, loaded = np.asarray(point, dtype=np.float64), "optical" in self.world._twins
-        return enclosing(where, self.world.instances.values(), self._bounds, self._triangles, self.cast, loaded)
+        instances = list(self.world.instances.values())
+        return enclosing(where, instances, self._instance_bounds, self._triangles, self.cast, loaded)
 
 
 class _PlacedState(WorldState):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_norm
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
@@ -67,8 +68,8 @@ class PathGeometry:
             slopes = paths.filled("tx_slope"), paths.filled("rx_slope")
         if slopes is not None or not (radar.array.is_uniform and (receiver or radar).array.is_uniform):
             fields = PairFields.of(paths.a, *local, radar, receiver, slopes)
-        tx_center = np.linalg.norm(tx_vector, axis=-1)
-        rx_center = tx_center if rx_vector is tx_vector else np.linalg.norm(rx_vector, axis=-1)
+        tx_center = row_norm(tx_vector)
+        rx_center = tx_center if rx_vector is tx_vector else row_norm(rx_vector)
         return cls(
             tx_distance=_distances(paths.tx_point, tx),
             rx_distance=_distances(paths.rx_point, rx),

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_all, row_norm
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.describe import Described, Row, field_rows, listed
@@ -129,12 +131,15 @@ class RadarPaths(
         """Number of paths."""
         return int(self.inner_length.shape[0])
 
-    @property
+    @cached_property
     def is_mirror_chain(self) -> npt.NDArray[np.bool_]:
-        """Whether each path is of mirror reflections only, shape (num_paths,)."""
+        """Whether each path is of mirror reflections only, shape (num_paths,); not to be written to."""
         if self.rx_image is None:
-            return np.zeros(self.num_paths, dtype=np.bool_)
-        return np.asarray(np.isfinite(self.rx_image).all(axis=(1, 2)))
+            found = np.zeros(self.num_paths, dtype=np.bool_)
+        else:
+            found = row_all(np.isfinite(self.rx_image).reshape(self.num_paths, 12))
+        found.flags.writeable = False
+        return found
 
     @property
     def is_one_end(self) -> bool:
@@ -169,8 +174,8 @@ class RadarPaths(
     def length(self) -> Array:
         """Length of each path between the array centres [m], shape (num_paths,)."""
         tx_vector, rx_vector = self.end_vectors()
-        there = np.linalg.norm(tx_vector, axis=1)
-        back = there if rx_vector is tx_vector else np.linalg.norm(rx_vector, axis=1)
+        there = row_norm(tx_vector)
+        back = there if rx_vector is tx_vector else row_norm(rx_vector)
         return np.where(self.is_mirror_chain, there, there + self.inner_length + back)
 
     @classmethod

@@ -207,6 +207,41 @@ def test_rays_are_spread_over_the_area_that_the_radar_sees(tmp_path, position, s
         assert (across**2).mean(axis=0) == pytest.approx(1 / 3, abs=0.03)
 
 
+def test_points_are_where_the_area_that_is_seen_adds_up(tmp_path) -> None:
+    """Of faces of several sizes, from several positions at once: against the sum face by face."""
+    body = trimesh.creation.icosphere(subdivisions=2)
+    body.apply_scale([1.0, 2.0, 3.0])
+    state = load_scene(write_scene(tmp_path, [Thing("body", body, "Static", "steel")])).at(0.0)
+    surface, count = Surface.of(state, 1), 200
+    assert Surface.of(state, 1) is surface and Surface.of(state.world.at(0.0), 1) is not surface
+    positions = [np.array(one) for one in ([20.0, 0.0, 0.0], [0.0, 9.0, 30.0], [-7.0, 5.0, 1.0])]
+    for position, points in zip(positions, surface.lit_from(positions, count), strict=True):
+        np.testing.assert_array_equal(points, surface.lit_points(position, count))
+        area = []
+        for a, b, c in surface.corners:
+            sight = position - (a + b + c) / 3.0
+            area.append(abs(float(np.cross(b - a, c - a) @ sight)) / 2.0 / float(np.linalg.norm(sight)))
+        share = np.cumsum(area) / np.sum(area)
+        away = trimesh.triangles.closest_point(
+            np.repeat(surface.corners, count, axis=0), np.tile(points, (len(area), 1))
+        )
+        away = np.linalg.norm(away - np.tile(points, (len(area), 1)), axis=1).reshape(len(area), count)
+        on = away < 1e-9
+        assert on.any(axis=0).all()
+        expected = np.searchsorted(share, (np.arange(count) + 0.5) / count)
+        assert on[expected, np.arange(count)].all()
+
+
+def test_the_nearest_point_of_a_surface_is_found_in_few_faces(tmp_path) -> None:
+    body = trimesh.creation.icosphere(subdivisions=3)
+    state = load_scene(write_scene(tmp_path, [Thing("body", body, "Static", "steel")])).at(0.0)
+    corners = Surface.of(state, 1).corners
+    for position in np.random.default_rng(1).normal(size=(10, 3)) * 3.0:
+        nearest = trimesh.triangles.closest_point(corners, np.broadcast_to(position, (len(corners), 3)))
+        expected = np.linalg.norm(nearest - position, axis=1).min()
+        assert surface_distance(state, 1, position) == pytest.approx(expected, rel=1e-15)
+
+
 @pytest.mark.some(1)
 @pytest.mark.parametrize("tolerance", [3.0, 1.0, 0.3])
 def test_a_corner_reflector_is_found_whatever_its_class_is(tmp_path, tolerance) -> None:

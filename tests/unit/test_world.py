@@ -77,6 +77,15 @@ def test_rotating_actor_has_the_velocity_of_its_surface(world: World) -> None:
     assert np.linalg.norm(hits.velocity[0] - [1, 2, 0]) == pytest.approx(0.5, abs=1e-6)
 
 
+def test_velocities_of_all_faces_are_those_of_their_centroids(world: World) -> None:
+    state = world.at(1.0)
+    triangles, count = state._triangles, np.diff(state._triangles.first)
+    part = np.repeat(np.arange(len(count)), count)
+    expected = state.point_velocity(part, triangles.corners.mean(axis=1))
+    assert expected.any() and not expected.any(axis=1).all()  # some move, some do not
+    np.testing.assert_array_equal(state._face_velocity, expected)
+
+
 def test_both_twins_hit_the_same(world: World) -> None:
     rng = np.random.default_rng(1)
     directions = rng.normal(size=(5000, 3))
@@ -126,6 +135,14 @@ def test_variant_of_the_caller_is_given_back_and_ours_is_left(world: World) -> N
     with optical():
         pass
     assert mi.variant().endswith("ad_rgb")  # left: nobody chose the other one
+
+
+def test_boxes_of_instances_hold_their_parts(world: World) -> None:
+    state = world.at(1.0)
+    lower, upper = state._instance_bounds
+    for row, info in enumerate(world.instances.values()):
+        points = state._triangles.of_parts(info.parts).reshape(-1, 3)
+        np.testing.assert_array_equal([lower[row], upper[row]], [points.min(axis=0), points.max(axis=0)])
 
 
 def test_boxes(world: World) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,7 @@ rack."""
 
 def enclosing(
     point: Array,
-    instances: Iterable[InstanceInfo],
+    instances: Sequence[InstanceInfo],
     bounds: tuple[Array, Array],
     triangles: Triangles,
     cast: Callable[[Array, Array], RayHits],
@@ -40,9 +40,9 @@ def enclosing(
     ----------
     point : ndarray of float64, shape (3,)
         [m, world].
-    instances : iterable of InstanceInfo
-    bounds : tuple of ndarray of float64, shape (num_parts, 3)
-        Lower and upper corners of the parts' boxes [m, world].
+    instances : sequence of InstanceInfo
+    bounds : tuple of ndarray of float64, shape (num_instances, 3)
+        Lower and upper corners of the instances' boxes [m, world].
     triangles, cast
         As of :func:`is_enclosed`.
     rays_first : bool
@@ -50,10 +50,9 @@ def enclosing(
         millisecond where the rays' scene is loaded, where the solid angles of a terrain take five.
     """
     lower, upper = bounds
-    for info in instances:
-        parts = list(info.parts)
-        near = np.all(point >= lower[parts].min(axis=0)) and np.all(point <= upper[parts].max(axis=0))
-        if not near or info.is_room:
+    for number in np.flatnonzero(((point >= lower) & (point <= upper)).all(axis=1)).tolist():
+        info = instances[number]
+        if info.is_room:
             continue
         if rays_first and cast(point, _SPHERE).num_hits < _WALLED_IN * len(_SPHERE):
             return None

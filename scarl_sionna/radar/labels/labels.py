@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_any
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -167,7 +168,7 @@ def label_paths(paths: RadarPaths, state: WorldState | None = None) -> PathLabel
     other = solid & (touched != instance[:, None])
     order = np.argsort(~other, axis=1, kind="stable")
     mirror = np.take_along_axis(np.where(other, touched, -1), order, axis=1).astype(np.int32)
-    return PathLabels(instance, _classes(paths, instance, state), np.asarray(other.any(axis=1)), mirror)
+    return PathLabels(instance, _classes(paths, instance, state), row_any(other), mirror)
 
 
 def _scattering_column(paths: RadarPaths, solid: Mask) -> npt.NDArray[np.int64]:
@@ -177,13 +178,14 @@ def _scattering_column(paths: RadarPaths, solid: Mask) -> npt.NDArray[np.int64]:
         return np.full(paths.num_paths, -1, dtype=np.int64)
     scatters = solid & np.isin(paths.interaction, (POINT_INTERACTION, DIFFUSE))
     last = width - 1 - np.argmax(solid[:, ::-1], axis=1)
-    column = np.where(solid.any(axis=1), last, -1)
-    for row in np.flatnonzero(~scatters.any(axis=1) & (solid.sum(axis=1) >= 3)):
+    scattered = row_any(scatters)
+    column = np.where(row_any(solid), last, -1)
+    for row in np.flatnonzero(~scattered & (solid.sum(axis=1) >= 3)):
         where = np.flatnonzero(solid[row])
         chain = paths.instance[row, where]
         if len(where) % 2 and np.array_equal(chain, chain[::-1]):
             column[row] = where[len(where) // 2]
-    return np.where(scatters.any(axis=1), width - 1 - np.argmax(scatters[:, ::-1], axis=1), column)
+    return np.where(scattered, width - 1 - np.argmax(scatters[:, ::-1], axis=1), column)
 
 
 def _classes(paths: RadarPaths, instance: Ids, state: WorldState | None) -> npt.NDArray[np.uint8]:

@@ -10,6 +10,7 @@ from typing import NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_max, row_min
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -152,7 +153,7 @@ class PatchSize:
 
     def pieces_of(self, excess: Array) -> Array:
         """Return the same from by how much the sides of each triangle are too long."""
-        longest, least = excess.max(axis=1), np.maximum(np.ceil(excess.min(axis=1) / _FILL), 1.0)
+        longest, least = row_max(excess), np.maximum(np.ceil(row_min(excess) / _FILL), 1.0)
         return np.where(longest <= 1.0, 1.0, _SPLIT_AGAIN * (2.0 * np.ceil(longest / _FILL) - 1.0) * least)
 
     def _excess(
@@ -240,7 +241,7 @@ def split(
     while len(rows):
         number = np.zeros_like(rows) if one_source else rows
         excess = size.excess(corners, source, number, receiver) / allowed
-        longest = excess.max(axis=1)
+        longest = row_max(excess)
         small = longest <= 1.0
         if small.all():
             done.append((corners, rows))

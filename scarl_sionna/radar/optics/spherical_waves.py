@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_any, row_max
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -148,7 +149,7 @@ class Viewpoint:
     def touches(self, corners: Array) -> Mask:
         """Return whether a corner or the middle of triangles (n, 3, 3) is in the field of view, shape (n,)."""
         points = np.concatenate([corners, middle(corners)[:, None]], axis=1)
-        return np.asarray(self.sees(points.reshape(-1, 3)).reshape(-1, 4).any(axis=1))
+        return row_any(self.sees(points.reshape(-1, 3)).reshape(-1, 4))
 
     def may_see(self, faces: FaceTable, rows: Index, reach: float) -> Mask:
         """Return of which of some faces a part may be in the field of view and in reach, and that are not edge-on."""
@@ -157,13 +158,13 @@ class Viewpoint:
         )
         center = middle(corners)
         arm = corners - center[:, None]
-        radius = np.sqrt(np.einsum("nij,nij->ni", arm, arm).max(axis=1))
+        radius = np.sqrt(row_max(np.einsum("nij,nij->ni", arm, arm)))
         azimuth, elevation, distance = self.outside(center)
         width = np.arcsin(np.minimum(radius / np.maximum(distance, 1e-9), 1.0))
         cosine = np.cos(np.minimum(elevation + self.elevation_fov / 2.0, 1.4))
         inside = (azimuth <= width / cosine) & (elevation <= width) | (width > WIDE_FACE)
         height = np.abs(normal @ self.pose.position - offset)
-        return inside & (distance - radius < reach) & (height > GRAZING * distance) & normal.any(axis=1)
+        return inside & (distance - radius < reach) & (height > GRAZING * distance) & row_any(normal)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_all
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.antenna import PathGeometry
@@ -328,7 +329,7 @@ def is_known(paths: RadarPaths) -> npt.NDArray[np.bool_]:
     """Return the paths whose end points' velocities are known, shape (num_paths,)."""
     if paths.tx_velocity is None or paths.rx_velocity is None:
         return np.zeros(paths.num_paths, dtype=np.bool_)
-    return np.asarray(np.isfinite(paths.tx_velocity).all(axis=1) & np.isfinite(paths.rx_velocity).all(axis=1))
+    return row_all(np.isfinite(paths.tx_velocity)) & row_all(np.isfinite(paths.rx_velocity))
 
 
 def center_terms(paths: RadarPaths, time: float) -> tuple[Array, Array, Array, Array]:

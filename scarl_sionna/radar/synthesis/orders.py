@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_cross, row_norm
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.paths import RadarPaths
@@ -68,12 +69,12 @@ class Change:
             velocity = paths.filled(name)
             if number == 0:  # the only end of a path of mirrors is the receiver's image
                 velocity = np.where(mirror[:, None], paths.filled("rx_velocity"), velocity)
-            distance = np.linalg.norm(vector, axis=1)
-            speed = np.linalg.norm(velocity, axis=1)
+            distance = row_norm(vector)
+            speed = row_norm(velocity)
             nearest = np.maximum(distance - span * speed, NEAREST_SHARE * distance)
             spin = spins[number]
             with np.errstate(divide="ignore", invalid="ignore"):
-                moment = np.linalg.norm(np.cross(vector, velocity), axis=1)  # does not change in straight motion
+                moment = row_norm(row_cross(vector, velocity))  # does not change in straight motion
                 across = moment / nearest
                 turning = across / nearest + spin
                 counts = np.ones(paths.num_paths) if number == 0 else 1.0 - mirror

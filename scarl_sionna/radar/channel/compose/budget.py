@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 import trimesh
 
+from scarl_sionna.core.arrays.rows import row_max, row_norm
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.settings.accuracy import Accuracy
@@ -22,6 +24,7 @@ from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
 from scarl_sionna.radar.channel.sbr.cost import patches_in
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
+from scarl_sionna.radar.optics.tubes.tube_shape import middle
 from scarl_sionna.signal.antenna import boresights, largest_field_gain
 from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
@@ -100,36 +103,60 @@ def estimate(
     The second is the image source, :math:`\lambda / (4 \pi \cdot 2 d)`. Concave bodies that focus can exceed it. Of a
     diffuse class it is its mean, gamma A, and `speckle_db`.
     """
-    info = state.world.instances[number]
-    box = world_from_box(state, info)
-    half = info.size / 2.0
-    local = box.inverse().apply(pose.position)
-    nearest = box.apply(np.clip(local, -half, half))
-    distance = max(float(np.linalg.norm(nearest - pose.position)), 1e-3)
-    direction = _unit(pose.position - box.position)
-    sides = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]]) * 4.0
-    in_view, gain, width = _view(radar, pose, box, info.size, nearest)
-    area = min(float(np.abs(direction @ box.rotation) @ sides), width * distance)
-    semantic = SEMANTIC_CLASSES[info.semantic]
-    mean = float(class_reflectivity()[info.semantic]) * area
-    flat = min(4.0 * np.pi * area**2 / radar.wavelength**2, np.pi * distance**2)
-    coherent = semantic not in rules.diffuse_classes and _smooth_share(state, info) > rules.smooth_share
-    largest = flat if coherent else mean * 10.0 ** (rules.speckle_db / 10.0)
-    unit = dbm_to_watt(radar.front_end.tx_power_dbm) * float(radar_gain(radar.wavelength, 1.0))
-    unit /= angle_cell_noise_power(radar)
-    scale = unit * gain**2 / distance**4
-    return Estimate(
-        number,
-        info,
-        distance,
-        float(info.size.max()),
-        area,
-        in_view and distance < reach,
-        _db(scale * largest),
-        _db(scale * mean),
-        coherent,
-        _db(unit * mean),
-    )
+    return Estimates(state, radar, pose, reach, rules).of(number)
+
+
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """What instances can be for a radar, see :func:`estimate`; what does not depend on the instance is found once."""
+
+    state: WorldState
+    radar: RadarSpec
+    pose: Pose
+    reach: float
+    rules: AutoSettings = DEFAULT_AUTO
+
+    @cached_property
+    def _unit(self) -> float:
+        """Power over the noise of a cell by 1 m2 at 1 m [1]."""
+        unit = dbm_to_watt(self.radar.front_end.tx_power_dbm) * float(radar_gain(self.radar.wavelength, 1.0))
+        return unit / angle_cell_noise_power(self.radar)
+
+    @cached_property
+    def _reflectivity(self) -> Array:
+        return class_reflectivity()
+
+    def of(self, number: int) -> Estimate:
+        """Return what an instance can be."""
+        state, radar, pose, rules = self.state, self.radar, self.pose, self.rules
+        info = state.world.instances[number]
+        box = world_from_box(state, info)
+        half = info.size / 2.0
+        local = box.inverse().apply(pose.position)
+        nearest = box.apply(np.clip(local, -half, half))
+        distance = max(float(np.linalg.norm(nearest - pose.position)), 1e-3)
+        direction = _unit(pose.position - box.position)
+        sides = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]]) * 4.0
+        in_view, gain, width = _view(radar, pose, box, info.size, nearest)
+        area = min(float(np.abs(direction @ box.rotation) @ sides), width * distance)
+        semantic = SEMANTIC_CLASSES[info.semantic]
+        mean = float(self._reflectivity[info.semantic]) * area
+        flat = min(4.0 * np.pi * area**2 / radar.wavelength**2, np.pi * distance**2)
+        coherent = semantic not in rules.diffuse_classes and _smooth_share(state, info) > rules.smooth_share
+        largest = flat if coherent else mean * 10.0 ** (rules.speckle_db / 10.0)
+        scale = self._unit * gain**2 / distance**4
+        return Estimate(
+            number,
+            info,
+            distance,
+            float(info.size.max()),
+            area,
+            in_view and distance < self.reach,
+            _db(scale * largest),
+            _db(scale * mean),
+            coherent,
+            _db(self._unit * mean),
+        )
 
 
 def surface_distance(state: WorldState, number: int, position: Array) -> float:
@@ -137,6 +164,9 @@ def surface_distance(state: WorldState, number: int, position: Array) -> float:
     corners = state._triangles.of_parts(state.world.instances[number].parts)
     if not len(corners):
         return float("inf")
+    center = middle(corners)
+    arm, away = row_max(row_norm(corners - center[:, None])), row_norm(center - position)
+    corners = corners[away - arm <= (away + arm).min()]  # no others can hold the nearest point
     nearest = trimesh.triangles.closest_point(corners, np.broadcast_to(position, (len(corners), 3)))
     return float(np.linalg.norm(nearest - position, axis=1).min())
 
@@ -192,50 +222,87 @@ def affordable_tubes(accuracy: Accuracy, rules: AutoSettings = DEFAULT_AUTO) -> 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The faces of an instance, to be looked at from many positions.
-
-    `corners`, their `middle` and `cross`, normals as long as the areas: (n, 3, 3), (n, 3) and (n, 3) [m, m, m2].
-    """
+    """The faces of an instance in one state, `corners` (n, 3, 3) [m], to be looked at from many positions."""
 
     corners: Array
-    middle: Array
-    cross: Array
 
     @classmethod
     def of(cls, state: WorldState, number: int) -> Surface:
-        """Return the faces of an instance."""
-        corners = state._triangles.of_parts(state.world.instances[number].parts)
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
-        return cls(corners, corners.mean(axis=1), cross)
+        """Return the faces of an instance; made once a state, for all radars."""
+        known = _surfaces.setdefault(state, {})
+        if number not in known:
+            known[number] = cls(state._triangles.of_parts(state.world.instances[number].parts))
+        return known[number]
 
-    def first_tubes(self, station: Viewpoint, reach: float, size: PatchSize) -> float:
-        """Return about how many tubes of a size a station starts on the faces within a distance [m].
+    @cached_property
+    def _middle(self) -> Array:
+        """Centroids, a row each of x, y and z, shape (3, n) [m]."""
+        return np.ascontiguousarray(middle(self.corners).T)
 
-        Of faces that are partly in view the part of their corners and middle that is counts; of an object that is
-        wholly out of it everything, as seen over mirrors.
-        """
-        sight = station.pose.position - self.middle
+    @cached_property
+    def _cross(self) -> Array:
+        """Normals as long as the areas, a row each of x, y and z, shape (3, n) [m2]."""
+        (ax, ay, az), (bx, by, bz) = (np.ascontiguousarray((self.corners[:, k] - self.corners[:, 0]).T) for k in (1, 2))
+        return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]) / 2.0
+
+    def seen_from(self, station: Viewpoint, reach: float) -> SurfaceView:
+        """Return what of the faces a station sees within a distance [m]."""
+        sight = station.pose.position - self._middle.T
         distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", sight, sight)), 1e-3)
         sides = self.corners[:, [1, 2, 0]] - self.corners
         along = np.einsum("nij,nj->ni", sides, sight / distance[:, None])
         across = np.sqrt(np.maximum(np.einsum("nij,nij->ni", sides, sides) - along**2, 0.0))
-        pieces = size.pieces_of(across / size.length(distance)[:, None])
-        points = np.concatenate([self.corners, self.middle[:, None]], axis=1)
+        points = np.concatenate([self.corners, self._middle.T[:, None]], axis=1)
         in_view = station.sees(points.reshape(-1, 3)).reshape(-1, 4).mean(axis=1)
         near = distance < reach
-        return float(pieces @ (in_view * near if in_view.any() else near))
+        return SurfaceView(across, distance, in_view * near if in_view.any() else near)
 
     def lit_points(self, position: Array, count: int) -> Array:
         """Return points on the faces, evenly over their area as seen from a position, shape (count, 3)."""
-        sight = position - self.middle
-        distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", sight, sight)), 1e-9)
-        reach = np.cumsum(np.abs(np.einsum("ij,ij->i", self.cross, sight)) / distance)
-        if not len(reach) or reach[-1] <= 0.0:
-            return np.zeros((0, 3))
+        return self.lit_from([position], count)[0]
+
+    def lit_from(self, positions: Sequence[Array], count: int) -> list[Array]:
+        """Return :meth:`lit_points` of several positions."""
+        (u, v, w), found = self._cross, []
+        x, y, z, shown, part = room = np.empty((5, len(self.corners)))
         step, first, second = _spread(count)
-        face = np.searchsorted(reach, step * reach[-1])
-        a, b, c = (self.corners[face, corner] for corner in range(3))
-        return np.asarray(a + first[:, None] * (b - a) + second[:, None] * (c - a))
+        for position in positions:
+            np.subtract(position[:, None], self._middle, out=room[:3])
+            np.multiply(u, x, out=shown)
+            for along, towards in ((w, z), (v, y)):
+                shown += np.multiply(along, towards, out=part)
+            np.abs(shown, out=shown)
+            x *= x
+            for towards in (z, y):
+                x += np.multiply(towards, towards, out=part)
+            shown /= np.maximum(np.sqrt(x, out=x), 1e-9, out=x)
+            reach = np.cumsum(shown, out=part)
+            if not len(reach) or reach[-1] <= 0.0:
+                found.append(np.zeros((0, 3)))
+                continue
+            a, b, c = np.moveaxis(self.corners[np.searchsorted(reach, step * reach[-1])], 1, 0)
+            found.append(np.asarray(a + first[:, None] * (b - a) + second[:, None] * (c - a)))
+        return found
+
+
+_surfaces: WeakKeyDictionary[WorldState, dict[int, Surface]] = WeakKeyDictionary()
+
+
+class SurfaceView(NamedTuple):
+    """Faces as a station sees them."""
+
+    across: Array
+    """Their sides across the line of sight, shape (n, 3) [m]."""
+    distance: Array
+    """Of their middles, shape (n,) [m]."""
+    share: Array
+    """Of faces that are partly in view the part of their corners and middle that is, 0 out of reach; of an object that
+    is wholly out of view 1, as seen over mirrors. Shape (n,)."""
+
+    def first_tubes(self, size: PatchSize) -> float:
+        """Return about how many tubes of a size start on the faces."""
+        pieces = size.pieces_of(self.across / size.length(self.distance)[:, None])
+        return float(pieces @ self.share)
 
 
 @lru_cache(maxsize=8)

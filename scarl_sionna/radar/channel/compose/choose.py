@@ -22,7 +22,16 @@ from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.radar.scatterers.model import ScattererModel
 
-from .budget import Estimate, Surface, affordable_tubes, estimate, num_tubes, sbr_settings, surface_distance
+from .budget import (
+    Estimate,
+    Estimates,
+    Surface,
+    SurfaceView,
+    affordable_tubes,
+    num_tubes,
+    sbr_settings,
+    surface_distance,
+)
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .reflections import changes, sights
@@ -67,8 +76,8 @@ class View:
     @cached_property
     def items(self) -> list[Estimate]:
         """All instances, road users first, then the strongest by class."""
-        state, radar = self.state, self.radar
-        found = [estimate(state, radar, self.pose, one, self.reach, self.rules) for one in state.world.instances]
+        estimates = Estimates(self.state, self.radar, self.pose, self.reach, self.rules)
+        found = [estimates.of(number) for number in self.state.world.instances]
         return sorted(found, key=lambda item: (item.info.actor is None, -item.expected_db, item.number))
 
     @cached_property
@@ -91,14 +100,8 @@ class View:
         return [replace(mirror, number=place) for place, mirror in enumerate(wide)]
 
     @cached_property
-    def _surfaces(self) -> dict[int, Surface]:
+    def _seen(self) -> dict[int, SurfaceView]:
         return {}
-
-    def surface(self, number: int) -> Surface:
-        """Return the faces of an instance."""
-        if number not in self._surfaces:
-            self._surfaces[number] = Surface.of(self.state, number)
-        return self._surfaces[number]
 
     @cached_property
     def _first_tubes(self) -> dict[tuple[int, float], float]:
@@ -108,9 +111,10 @@ class View:
         """Return about how many tubes start on an instance at a level."""
         key = number, level.max_phase
         if key not in self._first_tubes:
-            station = Viewpoint.of(self.radar, self.pose, np.zeros(3))
-            size = PatchSize.of(self.radar, sbr_settings(level))
-            self._first_tubes[key] = self.surface(number).first_tubes(station, self.reach, size)
+            if number not in self._seen:
+                station = Viewpoint.of(self.radar, self.pose, np.zeros(3))
+                self._seen[number] = Surface.of(self.state, number).seen_from(station, self.reach)
+            self._first_tubes[key] = self._seen[number].first_tubes(PatchSize.of(self.radar, sbr_settings(level)))
         return self._first_tubes[key]
 
     def instance(self, mirror: Mirror) -> int:
@@ -292,7 +296,7 @@ def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
     candidates = view.candidates
     thin = pane_parts(view.state, view.radar.center_frequency, SbrSettings().pane_loss_db)
     mirror_view = MirrorView(view.state, view.radar, view.mount, (), candidates, view.settings.mirrors, thin)
-    surfaces = {choice.item.number: view.surface(choice.item.number) for choice in coherent}
+    surfaces = {choice.item.number: Surface.of(view.state, choice.item.number) for choice in coherent}
     seen = sights(mirror_view, surfaces, view.rules)
     gain: dict[int, float] = {}
     for choice in coherent:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from scarl_sionna.core.arrays.rows import row_any
 from scarl_sionna.core.errors import ParameterRangeError, ScarlError, SmallMirrorWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
@@ -372,7 +373,7 @@ def chains_of(paths: RadarPaths) -> set[tuple[int, ...]]:
     both = np.stack([paths.instance, paths.interaction], axis=2).reshape(paths.num_paths, -1)
     rows = np.column_stack([2 * paths.depth, both])
     new = np.ones(len(rows), dtype=np.bool_)  # solvers give equal chains one after the other
-    new[1:] = (rows[1:] != rows[:-1]).any(axis=1)
+    new[1:] = row_any(rows[1:] != rows[:-1])
     rows = np.unique(rows[new], axis=0)
     return {tuple(int(value) for value in row[1 : 1 + row[0]]) for row in rows}
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_all
 from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS
 from scarl_sionna.scene.tables import RayHits
 
@@ -123,8 +124,10 @@ class MirrorFaces:
         under = np.zeros_like(may)
         for number in np.flatnonzero(may.any(axis=0)):
             rows = np.flatnonzero(may[:, number])
-            over = inside(aim[rows], self._corners[number], self._normal[number])
-            under[rows, number] = (own[rows] == number) | over
+            on_it = own[rows] == number
+            under[rows[on_it], number] = True
+            rows = rows[~on_it]
+            under[rows, number] = inside(aim[rows], self._corners[number], self._normal[number])
         chosen = np.where(under.any(axis=1, keepdims=True), under, may)
         height = np.where(chosen, height, np.inf)
         return np.asarray((height < height.min(axis=1, keepdims=True) + COINCIDENT).argmax(axis=1), dtype=np.int64)
@@ -137,7 +140,7 @@ def inside(point: Array, corners: Array, normal: Array) -> Flags:
     across = np.delete(np.arange(3), np.abs(normal).argmax())
     flat, triangles = point[:, across], corners[:, :, across]
     lower, upper = triangles.min(axis=1) - _NEAR, triangles.max(axis=1) + _NEAR
-    used = ((upper > flat.min(axis=0)) & (lower < flat.max(axis=0))).all(axis=1)
+    used = row_all((upper > flat.min(axis=0)) & (lower < flat.max(axis=0)))
     triangles, cells = triangles[used], _Cells(lower[used], upper[used])
     edge = np.roll(triangles, -1, axis=1) - triangles
     turn = np.sign(edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0])
@@ -146,7 +149,7 @@ def inside(point: Array, corners: Array, normal: Array) -> Flags:
     for row, near in cells.pairs(flat):
         away = flat[row, None] - triangles[near]
         side = (edge[near, :, 0] * away[..., 1] - edge[near, :, 1] * away[..., 0]) * turn[near, None]
-        found[row[(side > -COINCIDENT).all(axis=1) & (turn[near] != 0.0)]] = True
+        found[row[row_all(side > -COINCIDENT) & (turn[near] != 0.0)]] = True
     return found
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_norm
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -146,9 +147,7 @@ class MirrorView:
 
     def _reflections(self, ways: Ways, vertices: Array, travel: Array, points: Array) -> Reflections:
         at = vertices[:, 0]
-        inverse = sum(
-            1.0 / np.maximum(np.linalg.norm(end - at, axis=1), _LIFT) for end in (self.station.position, points)
-        )
+        inverse = sum(1.0 / np.maximum(row_norm(end - at), _LIFT) for end in (self.station.position, points))
         return Reflections(ways[:, 0], at, travel, np.asarray(inverse))
 
     def strips(self, number: int, points: Array, together: int) -> Strips | None:
@@ -264,7 +263,7 @@ class MirrorView:
                 return seen
             end = (vertices[:, k] if k < ways.shape[1] else points)[rows]
             ahead = end - here[rows]
-            distance = np.linalg.norm(ahead, axis=1)
+            distance = row_norm(ahead)
             far = distance > _LIFT
             direction = np.where(far[:, None], ahead / np.maximum(distance, _LIFT)[:, None], [1.0, 0.0, 0.0])
             if k < ways.shape[1]:

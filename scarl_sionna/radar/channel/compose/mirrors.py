@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_all, row_any, row_cross, row_min, row_norm
 from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS, MirrorSettings
 from scarl_sionna.engine.paths.tracing import mirror_extent
 from scarl_sionna.engine.rays.face_planes import face_table
@@ -102,20 +103,13 @@ def find_mirrors(
     faces = face_table(state)
     triangles = faces.triangles
     found: list[Mirror] = []
-    chosen = np.flatnonzero(np.isin(state.world.parts.instance[faces.part], instances) & triangles.normal.any(axis=1))
+    chosen = np.flatnonzero(np.isin(state.world.parts.instance, instances)[faces.part])
+    chosen = chosen[row_any(triangles.normal[chosen])]
     _, group = np.unique(faces.plane[chosen], return_inverse=True)
-    area = (
-        np.linalg.norm(
-            np.cross(
-                triangles.corners[chosen, 1] - triangles.corners[chosen, 0],
-                triangles.corners[chosen, 2] - triangles.corners[chosen, 0],
-            ),
-            axis=1,
-        )
-        / 2.0
-    )
+    corners = triangles.corners[chosen]
+    area = row_norm(row_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) / 2.0
     total = np.bincount(group, area)
-    distance = np.linalg.norm(triangles.corners[chosen] - position, axis=2).min(axis=1)
+    distance = row_min(row_norm(corners - position))
     nearest = np.full(len(total), np.inf)
     np.minimum.at(nearest, group, distance)
     zone = np.sqrt(2.0 * wavelength * nearest)
@@ -131,7 +125,7 @@ def find_mirrors(
         if extent < zone[number]:
             continue
         near = np.flatnonzero(~taken & (of_part == part))
-        flat = (np.abs(triangles.corners[chosen[near]] @ normal - offset) < knobs.flatness).all(axis=1)
+        flat = row_all(np.abs(corners[near] @ normal - offset) < knobs.flatness)
         taken[near[flat]] = True
         rows = chosen[near[flat]]
         found.append(Mirror(len(found), part, rows, normal, offset, triangles.corners[rows].reshape(-1, 3), extent))
@@ -158,17 +152,24 @@ def reaches(way: Way, position: Array, points: Array, tail: float = 0.0) -> npt.
 
     `tail` is that of :func:`beyond_ends`.
     """
-    chain = chain_of(way, len(points))
+    return reaches_over([way], position, points, tail)[0]
+
+
+def reaches_over(ways: Sequence[Way], position: Array, points: Array, tail: float = 0.0) -> npt.NDArray[np.bool_]:
+    """Return :func:`reaches` of at least one way, all over as many mirrors, shape (num_ways, num_points)."""
+    count, depth = len(points), len(ways[0])
+    chain, points = chain_of(ways, count), np.tile(points, (len(ways), 1))
     images = chain.images(points)
     vertices, right = chain.vertices(position, images)
-    found, beyond = (
-        np.asarray(right).copy(),
-        beyond_ends(chain, position, vertices, points, tail if len(way) == 1 else 0.0),
-    )
-    for k, mirror in enumerate(way):
-        margin = np.maximum(PRESELECTION_MARGIN * mirror.extent, beyond[:, k, None])
-        lower, upper = mirror.corners.min(axis=0), mirror.corners.max(axis=0)
-        found &= ((vertices[:, k] >= lower - margin) & (vertices[:, k] <= upper + margin)).all(axis=1)
+    found = np.asarray(right).reshape(len(ways), count).copy()
+    beyond = beyond_ends(chain, position, vertices, points, tail if depth == 1 else 0.0)
+    vertices, beyond = vertices.reshape(len(ways), count, depth, 3), beyond.reshape(len(ways), count, depth)
+    for number, way in enumerate(ways):
+        for k, mirror in enumerate(way):
+            margin = np.maximum(PRESELECTION_MARGIN * mirror.extent, beyond[number, :, k, None])
+            lower, upper = mirror.corners.min(axis=0), mirror.corners.max(axis=0)
+            at = vertices[number, :, k]
+            found[number] &= row_all((at >= lower - margin) & (at <= upper + margin))
     return found
 
 
@@ -192,7 +193,7 @@ def beyond_ends(chain: Chain, start: Array, vertices: Array, end: Array, tail: f
     first, last = (np.broadcast_to(point, shape)[:, None] for point in (start, end))
     stops = np.concatenate([first, vertices, last], axis=1)
     step = np.diff(stops, axis=1)
-    length = np.maximum(np.linalg.norm(step, axis=2), 1e-9)
+    length = np.maximum(row_norm(step), 1e-9)
     gone = np.cumsum(length, axis=1)
     left = np.maximum(gone[:, -1:] - gone[:, :-1], 1e-9)
     height = np.abs(np.einsum("pki,pki->pk", step[:, :-1], chain.normal))
@@ -200,10 +201,10 @@ def beyond_ends(chain: Chain, start: Array, vertices: Array, end: Array, tail: f
     return np.asarray(tail * unit)
 
 
-def chain_of(way: Way, count: int) -> Chain:
-    """Return the chain of reflections of a way, the same for each of `count` points."""
-    depth = len(way)
-    normal = np.array([mirror.normal for mirror in way]).reshape(1, depth, 3)
-    offset = np.array([mirror.offset for mirror in way]).reshape(1, depth)
-    flat = np.ones((count, depth), dtype=bool)
+def chain_of(ways: Sequence[Way], count: int) -> Chain:
+    """Return the chains of reflections of ways over as many mirrors, each of them `count` times."""
+    depth = len(ways[0])
+    normal = np.array([[mirror.normal for mirror in way] for way in ways]).reshape(len(ways), depth, 3)
+    offset = np.array([[mirror.offset for mirror in way] for way in ways]).reshape(len(ways), depth)
+    flat = np.ones((len(ways) * count, depth), dtype=bool)
     return Chain(flat, ~flat, np.repeat(normal, count, axis=0), np.repeat(offset, count, axis=0))

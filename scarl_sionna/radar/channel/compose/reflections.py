@@ -18,7 +18,7 @@ from scarl_sionna.signal.antenna import largest_field_gain
 
 from .budget import Surface, box_points
 from .mirror_legs import MirrorView
-from .mirrors import Mirror, Way, mirrored, reaches
+from .mirrors import Mirror, Way, mirrored, reaches_over
 
 Array = npt.NDArray[np.float64]
 
@@ -107,23 +107,22 @@ def sights(
     all_ways: list[Way] = [(), *((mirror,) for mirror in view.mirrors)]
     found = {number: [HIDDEN] * len(all_ways) for number in numbers}
     faces = np.zeros(max(view.state.world.instances, default=0) + 1)
+    open_to = _open_to(all_ways[1:], position, boxes, view.tail)
     faces[numbers] = [len(surface.corners) ** rules.tubes.spread for surface in surfaces.values()]
-    for depth in (0, 1):
+    images = [mirrored(way, position) for way in all_ways]
+    for depth, first, last in ((0, 0, 1), (1, 1, len(all_ways))):
         looks: list[Look] = []
-        for place, way in enumerate(all_ways):
-            if len(way) == depth:
-                image = mirrored(way, position)
-                looks += [
-                    Look(numbers[k], place, surfaces[numbers[k]].lit_points(image, rules.num_probes))
-                    for k in np.flatnonzero(_open_to(way, position, boxes, view.tail)).tolist()
-                ]
+        for number, is_open in zip(numbers, open_to[first:last].T, strict=True):
+            places = (first + np.flatnonzero(is_open)).tolist()
+            all_points = surfaces[number].lit_from([images[place] for place in places], rules.num_probes)
+            looks += [Look(number, place, lit) for place, lit in zip(places, all_points, strict=True)]
         for look, sight in zip(looks, _seen(view, looks, depth, faces), strict=True):
             found[look.number][look.place] = sight
     closer = []
     for number, surface in surfaces.items():
         for place, way in enumerate(all_ways):
             if way and 0.0 < found[number][place].share < 2.0 * WHOLE_SHARE:
-                points = surface.lit_points(mirrored(way, position), CLOSER * rules.num_probes)
+                points = surface.lit_points(images[place], CLOSER * rules.num_probes)
                 closer.append(Look(number, place, points))
     for look, sight in zip(closer, _seen(view, closer, 1, faces), strict=True):
         found[look.number][look.place] = sight
@@ -141,11 +140,16 @@ class Look(NamedTuple):
     """On the faces that the way lights, shape (num_points, 3) [m, world]."""
 
 
-def _open_to(way: Way, position: Array, boxes: Sequence[Array], tail: float) -> npt.NDArray[np.bool_]:
-    """Return which boxes, each of as many points, a way may reach."""
-    if not way or not boxes:
-        return np.ones(len(boxes), dtype=np.bool_)
-    return np.asarray(reaches(way, position, np.concatenate(boxes), tail).reshape(len(boxes), -1).any(axis=1))
+def _open_to(over: Sequence[Way], position: Array, boxes: Sequence[Array], tail: float) -> npt.NDArray[np.bool_]:
+    """Return which boxes, each of as many points, the straight way and ways over one mirror each may reach.
+
+    Shape (1 + num_ways, num_boxes).
+    """
+    found = np.ones((1 + len(over), len(boxes)), dtype=np.bool_)
+    if over and boxes:
+        points = reaches_over(over, position, np.concatenate(boxes), tail)
+        found[1:] = points.reshape(len(over), len(boxes), -1).any(axis=2)
+    return found
 
 
 def _seen(view: MirrorView, looks: Sequence[Look], depth: int, faces: Array) -> list[Sight]:

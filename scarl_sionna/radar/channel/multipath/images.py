@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_norm
 from scarl_sionna.scene.materials.fresnel import reflection, transmission
 from scarl_sionna.scene.materials.rough import coherent_share
 from scarl_sionna.scene.materials.table import RadioMaterial
@@ -77,7 +78,7 @@ class Chain:
         Beyond a path's depth the last direction stands.
         """
         direction = images[:, 0] - start
-        direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+        direction = direction / row_norm(direction)[:, None]
         out = [direction]
         for k in range(self.max_depth):
             n = np.where(self.mirror[:, k, None], self.normal[:, k], 0.0)
@@ -100,7 +101,7 @@ class Chain:
             slope = np.einsum("pi,pi->p", self.normal[:, k], ahead)
             height = self.offset[:, k] - np.einsum("pi,pi->p", self.normal[:, k], here)
             share = np.divide(height, slope, out=np.ones_like(slope), where=used & (slope != 0.0))
-            slack = SLACK / np.maximum(np.linalg.norm(ahead, axis=1), SLACK)
+            slack = SLACK / np.maximum(row_norm(ahead), SLACK)
             right &= ~used | ((share > -slack) & (share < 1.0 + slack))
             here = np.where(used[:, None], here + share[:, None] * ahead, here)
             points[:, k] = np.where(used[:, None], here, images[:, -1])
@@ -192,7 +193,7 @@ def propagated(chain: Chain, travel: Array, field: Complex, coefficients: Coeffi
 def _te_axis(direction: Array, normal: Array) -> Array:
     """Return unit vectors across the planes of incidence."""
     axis = np.cross(direction, normal)
-    length = np.linalg.norm(axis, axis=1)
+    length = row_norm(axis)
     head_on = length < _HEAD_ON
     if head_on.any():
         helper = np.eye(3)[np.abs(direction[head_on]).argmin(axis=1)]

@@ -129,7 +129,7 @@ class Bodies:
         """Velocity of the faces' centres [m/s], shape (num_faces, 3); None where patches do not follow from motion."""
         if self.knobs.max_turn is None:
             return None
-        return self.state.point_velocity(self.faces.part, self.faces.triangles.corners.mean(axis=1))
+        return self.state._face_velocity
 
     @cached_property
     def rays(self) -> StateRays:

@@ -18,6 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_all
 from scarl_sionna.core.settings.sbr import SbrSettings
 
 from .probes import Probe
@@ -224,7 +225,7 @@ class _Refinement:
         pick = np.arange(len(tubes))[:, None]
         tri, label = tubes.tri[pick, order], tubes.label[pick, order]
         share, beyond = self.probe.border(tri, tubes.row, label, self.settings.bisections)
-        kept = (beyond == label[:, 1:]).all(axis=1) | ~self._above_corner_size(tubes)
+        kept = row_all(beyond == label[:, 1:]) | ~self._above_corner_size(tubes)
         border = tri[kept, :1] + share[kept, :, None] * (tri[kept, 1:] - tri[kept, :1])
         row, label = tubes.row[kept], label[kept]
         tip, near, far = cut_off(tri[kept], border)

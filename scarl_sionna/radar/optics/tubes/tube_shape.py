@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_max
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
@@ -105,7 +107,7 @@ def middle(corners: Array) -> Array:
 def sides_and_height(tri: Array) -> tuple[Array, Array]:
     """Return the longest side of triangles, shape (n, 3, 3), and the height over it [m]."""
     side = tri[:, _NEXT] - tri
-    longest = np.sqrt(np.einsum("nij,nij->ni", side, side).max(axis=1, initial=0.0))
+    longest = np.sqrt(row_max(np.einsum("nij,nij->ni", side, side)))
     a, b = side[:, 0], side[:, 1]
     twice = np.einsum("ni,ni->n", a, a) * np.einsum("ni,ni->n", b, b) - np.einsum("ni,ni->n", a, b) ** 2
     return longest, np.sqrt(np.maximum(twice, 0.0)) / longest
