@@ -21,7 +21,7 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
-from scarl_sionna.radar.channel.compose.budget import Surface, _smooth_share, estimate, surface_distance
+from scarl_sionna.radar.channel.compose.budget import Surface, estimate, smooth_share, surface_distance
 from scarl_sionna.radar.channel.compose.choose import level_of
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
@@ -89,7 +89,7 @@ def test_each_object_has_the_method_that_suits_it(state, paths) -> None:
 
 
 def test_what_is_left_out_is_below_the_noise_even_at_its_bound(state, paths) -> None:
-    (entry,) = (item for item in paths.diagnostics["left_out"] if item["instance"] == "leaf")
+    (entry,) = (item for item in paths.diagnostics["left_out"] if item.get("instance") == "leaf")
     assert entry["bound_to_noise_db"] < Accuracy().channel_floor_db
     # The bound is kept by what raycast would have made of it: total power of its hits in one cell
     aimed = Pose.from_euler(POSE.position, yaw=np.arctan2(-15.0, 200.0), pitch=-np.arctan2(0.4, 200.0))
@@ -99,7 +99,7 @@ def test_what_is_left_out_is_below_the_noise_even_at_its_bound(state, paths) -> 
     power = received_power(near, RADAR)[near.instance[:, 0] == number].sum()
     assert 0.0 < power < angle_cell_noise_power(RADAR) * 10 ** (entry["bound_to_noise_db"] / 10)
     deeper = solve_paths(state, RADAR, POSE, settings=SETTINGS, channel_floor_db=-200.0)
-    assert not [item for item in deeper.diagnostics["left_out"] if item["instance"] == "leaf"]
+    assert not [item for item in deeper.diagnostics["left_out"] if item.get("instance") == "leaf"]
 
 
 def test_bound_of_a_plate_is_its_flash_and_of_a_large_one_the_image(tmp_path) -> None:
@@ -342,7 +342,8 @@ def test_a_weak_class_with_a_strong_flash_is_kept_by_its_bound(state) -> None:
     """A metal plate facing the radar reflects its flash, 4 pi A^2 / lambda^2, whatever its class does on average."""
     item = estimate(state, RADAR, POSE, next(k for k, i in state.world.instances.items() if i.name == "sign"), 250.0)
     assert item.bound_db > item.expected_db + 10.0
-    for floor, method in (((item.bound_db + item.expected_db) / 2.0, "sbr"), (item.bound_db + 1.0, "left out")):
+    over_road = 12.5  # the ground bounce adds 40 log10(2) at most
+    for floor, method in (((item.bound_db + item.expected_db) / 2.0, "sbr"), (item.bound_db + over_road, "left out")):
         plan = plan_channel(state, RADAR, POSE, accuracy=Accuracy(channel_floor_db=floor))
         kept = [share.solver for share in plan.shares if item.number in share.instances]
         assert (kept or ["left out"]) == [method]
@@ -354,9 +355,9 @@ def test_how_smooth_a_body_is_goes_by_the_area_of_its_parts(state) -> None:
     rough = np.array([world.materials[name].scattering_coefficient for name in world.parts.material])
     area = [trimesh.triangles.area(state._triangles.of_parts([part])).sum() for part in parts]
     for info in world.instances.values():
-        assert _smooth_share(state, info) == pytest.approx(1.0 - rough[info.parts[0]] ** 2, rel=1e-12)
+        assert smooth_share(state, info) == pytest.approx(1.0 - rough[info.parts[0]] ** 2, rel=1e-12)
     every = replace(world.instances[1], parts=tuple(parts))
-    assert _smooth_share(state, every) == pytest.approx(1.0 - np.average(rough**2, weights=area), rel=1e-6)
+    assert smooth_share(state, every) == pytest.approx(1.0 - np.average(rough**2, weights=area), rel=1e-6)
     assert len(set(rough)) > 2
 
 

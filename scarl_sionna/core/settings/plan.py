@@ -213,7 +213,8 @@ class ChannelPlan(Described):
     sionna : SionnaSettings or a mapping of its fields, optional
         For the chains of mirrors only; those of the solve if left out.
     left_out : sequence of mapping
-        What is not computed although it is in view, with the bound of its power; for the diagnostics.
+        What is not computed, with the reason and with numbers for its power; for the diagnostics. What names an
+        ``instance`` is not among those that ``"*"`` stands for.
     predicted : mapping
         What the maker of the plan expects: ``tubes``, ``cpu_seconds``, ``memory_gib`` and ``tolerance_db``; empty for a
         plan by hand.

@@ -26,13 +26,14 @@ from scarl_sionna.radar.scatterers.model import loaded_models
 from .budget import affordable_tubes, sbr_settings
 from .choose import Chosen, View, choose, level_of
 from .hybrid import solve_hybrid
+from .left_out.entries import beyond_last_bounce, left_out
 from .mirror_chains import possible_chains
 from .mirrors import Mirror, mirrored
 from .spend import Choice
 from .verify import Verified, met, verified
 
 if TYPE_CHECKING:
-    from scarl_sionna.engine.world import World, WorldState
+    from scarl_sionna.engine.world import WorldState
 
 
 def solve_auto(
@@ -63,7 +64,8 @@ def solve_auto(
         ``diagnostics["level_db"]`` the tolerance of the level that was taken, a coarser one where the budget does not
         pay for that asked for; ``diagnostics["num_looked_at"]`` and ``["num_refined"]`` how many objects had a second
         look, and how many are computed at a finer level for it (their paths come last);
-        ``diagnostics["left_out"]`` what is not computed and how much power it can hold.
+        ``diagnostics["left_out"]`` what is not computed, why, and how much power it can hold: a bound or an estimate
+        over the noise of a cell [dB], docs/accuracy.md.
 
     Raises
     ------
@@ -97,7 +99,8 @@ def solve_auto(
         **kept,
         **again.diagnostics,
         "predicted": dict(plan.predicted),
-        "choices": [_row(choice, state.world, again) for choice in choices if choice.method != "out of view"],
+        "left_out": [*diagnostics["left_out"], *beyond_last_bounce(view, paths, _by_sbr(choices), chosen.level)],
+        "choices": [_row(choice, view, again) for choice in choices if choice.method != "out of view"],
         "num_out_of_view": sum(choice.method == "out of view" for choice in choices),
         "seconds": {"plan": planned, **diagnostics["seconds"], "second look": again.seconds},
     }
@@ -195,11 +198,6 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
         shares.append(Share(solver, numbers, settings, reason=reason, reflections=_reflections(view, own)))
     rest = tuple(sorted(choice.item.number for choice in choices if choice.method in ("raycast", "out of view")))
     shares.append(Share("raycast", rest, reason="clutter, and what is over the budget"))
-    left_out = tuple(
-        {"instance": choice.item.name, "reason": choice.reason, "bound_to_noise_db": round(choice.item.bound_db, 1)}
-        for choice in choices
-        if choice.method == "left out"
-    )
     used = {view.instance(mirror) for choice in choices for mirror in choice.mirrors}
     used |= {view.instance(mirror) for mirror in echoing}
     tubes = sum(choice.cost for choice in choices)
@@ -214,7 +212,7 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
         tuple(sorted(used)),
         bool(echoing),
         chains="images" if only_mirrors else "sionna",
-        left_out=left_out,
+        left_out=left_out(view, chosen, echoing),
         predicted=predicted,
     )
 
@@ -247,8 +245,12 @@ def _echoing(view: View) -> list[Mirror]:
     return [found[number] for number in sorted(found)]
 
 
-def _row(choice: Choice, world: World, again: Verified) -> dict[str, Any]:
-    item, without = choice.item, choice.without
+def _by_sbr(choices: list[Choice]) -> list[int]:
+    return [choice.item.number for choice in choices if choice.method == "sbr"]
+
+
+def _row(choice: Choice, view: View, again: Verified) -> dict[str, Any]:
+    item, without, world = choice.item, choice.without, view.state.world
     error_db, difference = again.errors.get(item.number), again.differences.get(item.number)
     names = {world.instances[int(world.parts.instance[mirror.part])].name for mirror in choice.mirrors}
     at = None if without is None else world.instances[int(world.parts.instance[without.mirror.part])].name
@@ -258,7 +260,7 @@ def _row(choice: Choice, world: World, again: Verified) -> dict[str, Any]:
         "reason": choice.reason,
         "distance": round(item.distance, 3),
         "visible_share": round(choice.sight.share, 3),
-        "bound_to_noise_db": round(item.bound_db, 1),
+        "bound_to_noise_db": round(view.bound_db(item), 1),
         "expected_to_noise_db": round(item.expected_db, 1),
         "tubes": choice.cost,
         "mirrors": sorted(names),

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-_WIDE_BOX = np.radians(10.0)
+WIDE_BOX = np.radians(10.0)
 """Half the angle from which on a box is taken to stand where the antenna is best: only loosens the bound of its
 power."""
 
@@ -119,8 +119,7 @@ class Estimates:
     @cached_property
     def _unit(self) -> float:
         """Power over the noise of a cell by 1 m2 at 1 m [1]."""
-        unit = dbm_to_watt(self.radar.front_end.tx_power_dbm) * float(radar_gain(self.radar.wavelength, 1.0))
-        return unit / angle_cell_noise_power(self.radar)
+        return cell_unit(self.radar)
 
     @cached_property
     def _reflectivity(self) -> Array:
@@ -137,12 +136,12 @@ class Estimates:
         distance = max(float(np.linalg.norm(nearest - pose.position)), 1e-3)
         direction = _unit(pose.position - box.position)
         sides = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]]) * 4.0
-        in_view, gain, width = _view(radar, pose, box, info.size, nearest)
-        area = min(float(np.abs(direction @ box.rotation) @ sides), width * distance)
+        in_view, gain = _view(radar, pose, box, info.size, nearest)
+        area = min(float(np.abs(direction @ box.rotation) @ sides), view_width(radar, info) * distance)
         semantic = SEMANTIC_CLASSES[info.semantic]
         mean = float(self._reflectivity[info.semantic]) * area
         flat = min(4.0 * np.pi * area**2 / radar.wavelength**2, np.pi * distance**2)
-        coherent = semantic not in rules.diffuse_classes and _smooth_share(state, info) > rules.smooth_share
+        coherent = semantic not in rules.diffuse_classes and smooth_share(state, info) > rules.smooth_share
         largest = flat if coherent else mean * 10.0 ** (rules.speckle_db / 10.0)
         scale = self._unit * gain**2 / distance**4
         return Estimate(
@@ -157,6 +156,17 @@ class Estimates:
             coherent,
             _db(self._unit * mean),
         )
+
+
+def cell_unit(radar: RadarSpec) -> float:
+    """Return the power over the noise of a range-Doppler-angle cell of 1 m2 at 1 m, for isotropic antennas [1/m2]."""
+    sent = dbm_to_watt(radar.front_end.tx_power_dbm) * float(radar_gain(radar.wavelength, 1.0))
+    return float(sent / angle_cell_noise_power(radar))
+
+
+def view_width(radar: RadarSpec, info: InstanceInfo) -> float:
+    """Return the width that is in view of an instance, for each metre of its distance, by definition."""
+    return float(2.0 * np.tan(min(np.radians(radar.azimuth_fov_deg), 2.9) / 2.0) * (info.size[2] + 1.0))
 
 
 def surface_distance(state: WorldState, number: int, position: Array) -> float:
@@ -323,7 +333,7 @@ def _unit(vector: Array) -> Array:
     return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-9))
 
 
-def _smooth_share(state: WorldState, info: InstanceInfo) -> float:
+def smooth_share(state: WorldState, info: InstanceInfo) -> float:
     """Return the coherently reflected share of the power, 1 - S^2, of the parts' materials, weighted by their area."""
     world, parts = state.world, list(info.parts)
     if world not in _areas:
@@ -346,23 +356,22 @@ def _areas_of(world: World) -> Array:
 _areas: WeakKeyDictionary[World, Array] = WeakKeyDictionary()
 
 
-def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) -> tuple[bool, float, float]:
-    """Return whether a box may be in view, the antenna's largest power gain over it, and the width in view there [m].
+def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) -> tuple[bool, float]:
+    """Return whether a box may be in view, and the antenna's largest power gain over it.
 
     The box is taken as its sphere; one wider than 20 deg as if it stood where the antenna is best.
     """
     center, radius = box.position - pose.position, float(np.linalg.norm(size)) / 2.0
     far = float(np.linalg.norm(center))
     fov = np.radians([radar.azimuth_fov_deg, radar.elevation_fov_deg])
-    wide = 2.0 * np.tan(min(fov[0], 2.9) / 2.0) * float(size[2] + 1.0)
-    if far <= radius or np.arcsin(radius / far) > _WIDE_BOX:
+    if far <= radius or np.arcsin(radius / far) > WIDE_BOX:
         x, y, _ = (nearest - pose.position) @ pose.rotation
         behind = far > radius and np.abs(np.arctan2(y, x)) > fov[0] / 2.0 and _outside(pose, center, radius, fov)
-        return not behind, float(largest_field_gain(radar.array, boresights(radar.array)).max()) ** 2, wide
+        return not behind, float(largest_field_gain(radar.array, boresights(radar.array)).max()) ** 2
     signs = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)] + [(0, 0, 0)]) / 2.0
     corners = (box.apply(signs * size) - pose.position) @ pose.rotation
     gain = float(largest_field_gain(radar.array, corners).max()) ** 2
-    return not _outside(pose, center, radius, fov), gain, wide
+    return not _outside(pose, center, radius, fov), gain
 
 
 def _outside(pose: Pose, center: Array, radius: float, fov: Array) -> bool:

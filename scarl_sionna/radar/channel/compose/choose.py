@@ -32,6 +32,7 @@ from .budget import (
     sbr_settings,
     surface_distance,
 )
+from .left_out.reach import Boxes, Looker, MirrorWays, Reach
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .reflections import changes, sights
@@ -43,6 +44,8 @@ if TYPE_CHECKING:
 
 ENOUGH = 0.9
 """Share of the objects that must be within the tolerance for a solve to have met it: by definition of the tolerance."""
+AT_RADAR = "at the radar"
+"""Why `raycast` has what carries the radar or fills its view."""
 _LEAST_DB = 1e-6
 """Of changes that count [dB]: a guard against a limit of nothing."""
 
@@ -120,6 +123,57 @@ class View:
     def instance(self, mirror: Mirror) -> int:
         """Return the instance of a mirror."""
         return int(self.state.world.parts.instance[mirror.part])
+
+    @property
+    def tail(self) -> float:
+        """How far beyond mirrors' ends reflections go on, in the unit of :func:`~.mirrors.beyond_ends`."""
+        return self.settings.mirrors.end_reach * float(np.sqrt(self.radar.wavelength))
+
+    @cached_property
+    def looker(self) -> Looker:
+        """What tells the most that objects can send back by ways over mirrors."""
+        return Looker(self.state, self.radar, self.pose, self.reach, self.rules)
+
+    @cached_property
+    def boxes(self) -> Boxes:
+        """Of the items, in their order."""
+        return Boxes.of(self.state, self.items)
+
+    @cached_property
+    def straight(self) -> Reach:
+        """The most of the items straight, in their order."""
+        near = np.array([self.nearest(item) for item in self.items])
+        return self.looker.straight(self.items, near)
+
+    @cached_property
+    def over_mirrors(self) -> Reach:
+        """The most of the items over each candidate, in their order."""
+        ways = MirrorWays.over_one(self.candidates, self.pose.position)
+        return self.looker.over(ways, self.items, self.boxes, self.tail)
+
+    @cached_property
+    def _row(self) -> dict[int, int]:
+        return {item.number: row for row, item in enumerate(self.items)}
+
+    def bound_db(self, item: Estimate) -> float:
+        """Return the largest power of an item over the noise of a cell [dB], of a coherent one also over mirrors."""
+        if not item.is_coherent:  # `raycast` has none
+            return item.bound_db
+        row = self._row[item.number]
+        most = float(self.straight.most[row, 0] + self.over_mirrors.most[row].sum())
+        return 40.0 * float(np.log10(max(most, 1e-10)))
+
+    @cached_property
+    def _nearest(self) -> dict[int, float]:
+        return {}
+
+    def nearest(self, item: Estimate) -> float:
+        """Return the distance of an item: of its box, where that is near or holds the radar of its surface [m]."""
+        if item.distance >= self.rules.too_near:
+            return item.distance
+        if item.number not in self._nearest:
+            self._nearest[item.number] = surface_distance(self.state, item.number, self.pose.position)
+        return max(self._nearest[item.number], item.distance)
 
 
 def level_of(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrLevel:
@@ -264,11 +318,10 @@ def _one(view: View, item: Estimate) -> Choice:
     rules, floor = view.rules, view.settings.accuracy.channel_floor_db
     if not item.in_view:
         return Choice(item, "out of view", "out of the field of view or of range")
-    if item.bound_db < floor:
-        return Choice(item, "left out", f"at most {item.bound_db:.0f} dB from the noise of a cell")
-    near = item.distance < rules.too_near  # of its box: what counts is its surface
-    if near and surface_distance(view.state, item.number, view.pose.position) < rules.too_near:
-        return Choice(item, "raycast", "at the radar")
+    if item.bound_db < floor and (most := view.bound_db(item)) < floor:
+        return Choice(item, "left out", f"at most {most:.0f} dB from the noise of a cell")
+    if view.nearest(item) < rules.too_near:
+        return Choice(item, "raycast", AT_RADAR)
     if item.name in view.models:
         model, toward = view.models[item.name], _toward(view.state, item, view.pose)
         if item.distance >= model.nearest_distance and bool(model.inside(toward[None])[0]):
@@ -291,7 +344,7 @@ def _toward(state: WorldState, item: Estimate, pose: Pose) -> np.ndarray:
 def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
     """Find out what the radar sees of objects, straight and over mirrors; return the mirrors that change most."""
     accuracy = view.settings.accuracy
-    tolerance = accuracy.channel_tolerance_db
+    tolerance, floor = accuracy.channel_tolerance_db, accuracy.channel_floor_db
     least = max(min(tolerance, view.rules.smallest_change_db), _LEAST_DB)
     candidates = view.candidates
     thin = pane_parts(view.state, view.radar.center_frequency, SbrSettings().pane_loss_db)
@@ -302,12 +355,18 @@ def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
     for choice in coherent:
         own = seen[choice.item.number]
         choice.sight = own[0]
+        choice.shown = frozenset(
+            mirror.number for sight, mirror in zip(own[1:], candidates, strict=True) if sight.share > 0.0
+        )
+        is_faint = (
+            choice.item.in_view and choice.item.bound_db < floor
+        )  # there for what mirrors bring, whatever its class
         for change in changes(own, candidates, view.reach, least, tolerance):
             mixed = np.sqrt(max(change.field, own[0].field) * change.field)  # one of two ways goes over the mirror
-            level = choice.item.level_db(float(mixed)) - accuracy.channel_floor_db
-            if level > 0.0:
+            level = choice.item.level_db(float(mixed)) - floor
+            if is_faint or level > 0.0:
                 choice.changes.append(change)
-                gain[change.mirror.number] = gain.get(change.mirror.number, 0.0) + level
+                gain[change.mirror.number] = gain.get(change.mirror.number, 0.0) + max(level, 0.0)
     best = sorted(gain, key=lambda number: (-gain[number], number))[: view.settings.mirrors.max_mirrors]
     return [candidates[number] for number in sorted(best)]
 

@@ -35,6 +35,7 @@ from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
+from .budget import estimate
 from .ghosts import STRAIGHT, Faces, Images, Meshes, image_pairs, of_models, paths_through_mirrors, weighted
 from .mirror_chains import mirror_chains, most_mirrors
 from .mirror_legs import MirrorView
@@ -346,20 +347,30 @@ class _Work:
             )
         )
 
+    def _only_hides(self, number: int) -> dict[str, Any]:
+        """Return the entry of an instance without an echo of its own, with what that can be straight."""
+        found = estimate(self.state, self.radar, self.mount.pose, number, self.reach, self.settings.auto)
+        return {
+            "kind": "object",
+            "instance": found.name,
+            "reason": "in no share of the plan: only hides" + ("" if found.in_view else "; out of view or of range"),
+            "bound_to_noise_db": round(found.bound_db, 1),
+            "expected_to_noise_db": round(found.expected_db, 1),
+        }
+
     def result(self) -> RadarPaths:
         """Return the paths of all blocks."""
         _check_chains(self.blocks, self.faces)
         table = self.state.world.instances
         owned = {number for numbers in self.plan.owned for number in numbers} | set(self.plan.mirrors)
         stated = [dict(entry) for entry in self.plan.plan.left_out]
-        silent = [info.name for number, info in table.items() if number not in owned]
         named = {entry.get("instance") for entry in stated}
+        silent = [number for number, info in table.items() if number not in owned and info.name not in named]
         diagnostics = {
             "method": "hybrid",
             "plan": self.plan.plan.to_dict("python"),
             "solvers": self.rows,
-            "left_out": stated
-            + [{"instance": name, "reason": "in no share of the plan"} for name in silent if name not in named],
+            "left_out": stated + [self._only_hides(number) for number in silent],
             "max_distance": self.reach,
             "seconds": self.clock,
         }

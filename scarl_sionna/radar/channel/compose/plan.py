@@ -75,7 +75,7 @@ def resolve(plan: ChannelPlan, world: World) -> ResolvedPlan:
     if len(rest) > 1:
         free = next((number for number in world.instances if number not in owner), 1)
         _refuse(plan, world, free, rest[0], rest[1])
-    away = set(ids_of(world, [entry["instance"] for entry in plan.left_out]))
+    away = set(ids_of(world, [entry["instance"] for entry in plan.left_out if "instance" in entry]))
     mirrors = ids_of(world, plan.mirrors)
     for number in world.instances:
         if rest and number not in owner and number not in away:

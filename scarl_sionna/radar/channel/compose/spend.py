@@ -30,6 +30,8 @@ class Choice:
         Of them, those that the budget pays for.
     sight : Sight
         The straight way.
+    shown : frozenset of int, optional
+        Numbers of the mirrors that show something of it; None if nobody looked.
     over_budget : bool
         Whether it is left to its class because its tubes are over the budget.
     """
@@ -41,6 +43,7 @@ class Choice:
     changes: list[Change] = field(default_factory=list)
     mirrors: list[Mirror] = field(default_factory=list)
     sight: Sight = HIDDEN
+    shown: frozenset[int] | None = None
     over_budget: bool = False
 
     @property
