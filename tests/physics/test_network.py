@@ -6,13 +6,15 @@ import warnings
 
 import numpy as np
 import pytest
+import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.link import received_power
 from tests.oracles.waveforms import turns
-from tests.scenes import Thing, plane, write_scene
+from tests.scenes import Thing, box, plane, write_scene
 
 ARRAY = ss.AntennaArray(
     tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),), pattern={"kind": "isotropic", "gain_dbi": 0.0}
@@ -204,10 +206,38 @@ def test_pairs_in_a_scene_are_those_of_the_solver(tmp_path, method) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ss.ScarlWarning)  # a small mirror
         paths = ss.network_paths(network, state, settings=settings)
-        alone = ss.solve_paths(state, RADAR, poses[0], settings=settings, receiver=poses[1])
+        both = {"sbr": {"reciprocal": True}} if method == "sbr" else {}
+        alone = ss.solve_paths(state, RADAR, poses[0], settings=settings, receiver=poses[1], **both)
     assert set(paths) == {(0, 0), (0, 1), (1, 0), (1, 1)}
     assert paths[0, 1].length == pytest.approx(alone.length)
     powers = {pair: np.abs(some.a[:, 0, 0].sum()) for pair, some in paths.items()}
     assert powers[0, 1] == pytest.approx(powers[1, 0], rel=0.01) and powers[0, 1] > 0.0
     found = paths[0, 1].length
     assert found[found > 1.0].min() == pytest.approx(2.0 * np.hypot(10.0, 0.2), abs=0.02)
+
+
+@pytest.mark.parametrize("given", [None, False])
+def test_pairs_of_a_network_are_reciprocal_without_a_further_solve(tmp_path, given) -> None:
+    """A box seen 10 deg apart, beside its flashes: the mean of both senses, each solved once, or each by itself."""
+    mesh = box((0.2, 0.15, 0.1), (12.0, 0.0, 0.0))
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(0.3, (0, 0, 1), (12.0, 0.0, 0.0)))
+    state = ss.load_scene(write_scene(tmp_path, [Thing("target", mesh, "Static", "steel")])).at(0.0)
+    network = ss.RadarNetwork(RADAR, (ss.Pose([0.0, 1.0, 0.0]), ss.Pose([0.0, -1.0, 0.0])))
+    knobs = SbrSettings(floor_db=None, reciprocal=given)
+    found = ss.network_paths(network, state, settings=ss.RadarSettings(method="sbr", sbr=knobs))
+
+    def field(paths):
+        wave = np.exp(-2j * np.pi * RADAR.center_frequency / SPEED_OF_LIGHT * paths.length)
+        return np.einsum("nij,n->ij", paths.a, wave)
+
+    there, back = field(found[0, 1]), field(found[1, 0])
+    apart = np.abs(there - back.T).max() / np.abs(there).max()
+    assert (apart < 1e-9) if given is None else (apart > 0.01)
+    plain = ss.RadarSettings(method="sbr", sbr=knobs.with_(reciprocal=False))
+    one, other = (
+        field(ss.solve_paths(state, RADAR, network.mounts[a], settings=plain, receiver=network.mounts[b]))
+        for a, b in ((0, 1), (1, 0))
+    )
+    want = (one + other.T) / 2.0 if given is None else one
+    assert np.abs(there - want).max() < 1e-9 * np.abs(want).max()
+    assert found[0, 0].a.tobytes() == ss.solve_paths(state, RADAR, network.mounts[0], settings=plain).a.tobytes()

@@ -165,10 +165,11 @@ class SbrSettings(Spec):
         description="whether edges that bend by more than crease_angle_deg, and borders of sheets, scatter what their "
         "currents have beyond physical optics, where both ends see them without a bounce (docs/rcs.md)",
     )
-    reciprocal: bool = Field(
-        False,
+    reciprocal: bool | None = Field(
+        None,
         description="scene: a pair of radars is solved from either end, each with half of the field: exchanged they "
-        "see the same, which physical optics alone does not give off its flashes, for twice the time (docs/sbr.md)",
+        "see the same, which physical optics alone does not give off its flashes, for twice the time. None: in a "
+        "network, which solves both senses of its pairs anyway (docs/sbr.md)",
     )
     grazing_cosine: float = Field(
         0.02,

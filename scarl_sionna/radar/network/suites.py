@@ -18,6 +18,7 @@ from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.channel.sbr.solve import of_both_senses
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
@@ -122,7 +123,9 @@ def network_paths(
 ) -> dict[Pair, RadarPaths]:
     """Return the paths of all pairs of a network, a radar with itself included.
 
-    By definition, :func:`scarl_sionna.solve_paths` or :func:`scarl_sionna.point_targets` for each.
+    By definition, :func:`scarl_sionna.solve_paths` or :func:`scarl_sionna.point_targets` for each. Physical optics is
+    not reciprocal off its flashes: unless ``SbrSettings.reciprocal`` is False, either sense of a pair by `sbr` is the
+    mean of both, which costs no further solve here (docs/sbr.md).
 
     Parameters
     ----------
@@ -141,16 +144,21 @@ def network_paths(
     """
     if state is None and points is None:
         raise ParameterRangeError("state, points", "None", "a state of the world, or points in free space")
-    found = {}
+    found: dict[Pair, RadarPaths] = {}
+    chosen = settings or RadarSettings(method="sbr")
+    is_mean = points is None and chosen.method == "sbr" and chosen.sbr.reciprocal is not False
+    if is_mean:  # each sense once, whoever sends
+        chosen = chosen.with_(sbr=chosen.sbr.with_(reciprocal=False))
     for tx, rx in network.pairs:
         here, there = network.places[tx], None if tx == rx else network.places[rx]
         if points is not None:
             given: dict[str, Any] = {} if settings is None or state is None else {"settings": settings}
             found[tx, rx] = point_targets(*points, network.radar, here, state, there, **given)
         elif state is not None:
-            chosen = settings or RadarSettings(method="sbr")
             found[tx, rx] = solve_paths(state, network.radar, here, settings=chosen, receiver=there)
-    return found
+    if not is_mean or state is None:
+        return found
+    return {(i, j): one if i == j else of_both_senses(state, [one, found[j, i]]) for (i, j), one in found.items()}
 
 
 def synthesize_network(

@@ -120,14 +120,15 @@ def solve_sbr(
     knobs, cost = affordable(work, settings.accuracy, settings.auto.levels)
     bodies = with_knobs(bodies, knobs[0])
     both = [solve_bodies(bodies, *pair, left_out) for pair in ends]
-    found = both[0] if len(both) == 1 else _of_both_senses(state, both)
+    found = both[0] if len(both) == 1 else of_both_senses(state, both)
     return replace(found, diagnostics={**found.diagnostics, "estimate": cost.report()})
 
 
-def _of_both_senses(state: WorldState, both: Sequence[RadarPaths]) -> RadarPaths:
+def of_both_senses(state: WorldState, both: Sequence[RadarPaths]) -> RadarPaths:
     """Return the mean of the fields of a pair of radars and of the same pair with the ends exchanged.
 
-    Of what rough surfaces scatter the powers have their mean, since the phases are drawn anew.
+    By definition; the reciprocal pair is that of the two in the other order, with the same lengths and the transposed
+    fields. Of what rough surfaces scatter the powers have their mean, since the phases are drawn anew.
     """
     table = state.world.instances
     halves = []
