@@ -62,6 +62,7 @@ def test_a_lobe_on_bins_is_its_table_at_their_distances(window: str, num_bins: i
     count, lobe = 64, main_lobe(window, 64)
     place = np.concatenate([np.random.default_rng(2).uniform(0.0, count, 200), [0.0, 5.0, 63.5, 10.0 / 256.0]])
     bins, value = _Lobe(lobe).bins(place.reshape(2, -1), count, num_bins)
+    assert _Lobe(lobe).num_columns(count, num_bins) == bins.shape[-1]
     assert bins.min() >= 0
     assert bins.max() < num_bins
     apart = bins.reshape(len(place), -1) * (count / num_bins) - place[:, None]
@@ -85,6 +86,7 @@ def test_sidelobes_beside_a_main_lobe_leave_out_zeros_only(num_bins: int) -> Non
     found = []
     for hole in (0, main):
         bins, value = _Lobe(beside, hole).bins(place, count, num_bins)
+        assert _Lobe(beside, hole).num_columns(count, num_bins) == bins.shape[-1]
         assert bins.shape[1] <= 13 * num_bins // count + 1 - (3 * num_bins // count if hole else 0)
         found.append(np.zeros((len(place), num_bins)))
         np.put_along_axis(found[-1], bins.astype(np.int64), value, axis=1)

@@ -79,7 +79,9 @@ class FaceRays(Device, ABC):
     def _face(self, found: MitsubaObject) -> DeviceArray:
         """Return the face of each of the engine's intersections, or `MISS`."""
 
-    def first(self, origin: DeviceArray, direction: DeviceArray, active: DeviceArray = True) -> DeviceArray:
+    def first(
+        self, origin: DeviceArray, direction: DeviceArray, active: DeviceArray = True, coherent: bool = False
+    ) -> DeviceArray:
         """Return the face that each active ray meets first, or `MISS`.
 
         Parameters
@@ -87,9 +89,11 @@ class FaceRays(Device, ABC):
         origin, direction : Dr.Jit Array3f or Array3f64
             In the frame of the rays, and unit vectors.
         active : Dr.Jit Bool
+        coherent : bool
+            Neighbouring rays run side by side, which the engine may use.
         """
         ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
-        return self._face(self._scene.ray_intersect_preliminary(ray, coherent=False, active=active))
+        return self._face(self._scene.ray_intersect_preliminary(ray, coherent=coherent, active=active))
 
     def first_within(
         self,
@@ -101,8 +105,7 @@ class FaceRays(Device, ABC):
     ) -> tuple[DeviceArray, DeviceArray]:
         """Return the face that each active ray meets first before a distance, or `MISS`, and how far away that is.
 
-        In the frame of the rays; that distance is the engine's, a float32 number. `coherent`: neighbouring rays run
-        side by side, which the engine may use.
+        In the frame of the rays; that distance is the engine's, a float32 number. `coherent` as of :meth:`first`.
         """
         ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
         ray.maxt = self.mi.Float(distance)

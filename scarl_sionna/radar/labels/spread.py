@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
@@ -271,7 +271,7 @@ class CellSpread:
             range and along the Doppler axis, of all but paths too weak together. Left out: main lobes only.
         """
         filled = np.zeros(len(self._total), dtype=np.bool_)
-        self._put(index, self._footprint, filled)
+        self._put(index, self._footprint, self._num_cells(*self._main), filled)
         used, found = self._found(filled)
         highest = float(found.max(initial=0.0))
         if limit is not None and highest:
@@ -280,7 +280,7 @@ class CellSpread:
                 size = self._size[index]
                 rising = np.argsort(size)
                 few = np.cumsum(size[rising]) * arms.highest < 0.5 * np.sqrt(limit)
-                self._put(index[np.sort(rising[~few])], arms.footprint, filled)
+                self._put(index[np.sort(rising[~few])], arms.footprint, arms.num_cells, filled)
                 used, found = self._found(filled)
         self._total[used] = 0.0
         some = np.flatnonzero(found)
@@ -301,10 +301,10 @@ class CellSpread:
         beside = [_Lobe(_without_main(lobe, count), count) for lobe, count in zip(wide, main, strict=True)]
         return _Arms(self, beside[0], beside[1], highest)
 
-    def _put(self, index: Index, footprint: _Footprint, filled: npt.NDArray[np.bool_]) -> None:
-        """Add the fields of paths to those in the cells of their footprints, and mark these as filled."""
+    def _put(self, index: Index, footprint: _Footprint, num_cells: int, filled: npt.NDArray[np.bool_]) -> None:
+        """Add the fields of paths to those in the `num_cells` cells of their footprints, and mark these as filled."""
         total, place = self._total, self._place
-        for block in _blocks(index, footprint):
+        for block in _blocks(index, num_cells):
             cell, weight = footprint(block)
             touched = np.zeros(len(total), dtype=np.bool_)
             touched[cell] = True
@@ -312,8 +312,8 @@ class CellSpread:
             used = np.flatnonzero(touched)
             place[used] = np.arange(len(used), dtype=np.int32)
             starts = np.arange(len(block) + 1, dtype=np.int32) * np.int32(cell.shape[1])
-            spread = csr_array((weight.ravel(), place[cell.ravel()], starts), shape=(len(block), len(used)))
-            total[used] += spread.T @ self.field[block].astype(np.complex128).view(np.float64)
+            spread = csc_array((weight.ravel(), place[cell.ravel()], starts), shape=(len(used), len(block)))
+            total[used] += spread @ self.field[block].astype(np.complex128).view(np.float64)
 
     def _found(self, filled: npt.NDArray[np.bool_]) -> tuple[Index, Array]:
         """Return the cells that were filled, and the power of what was put onto them."""
@@ -347,6 +347,12 @@ class CellSpread:
         weight *= by_row[:, :, None]
         return columns.reshape(len(index), -1), weight.reshape(len(index), -1)
 
+    def _num_cells(self, doppler_lobe: _Lobe, range_lobe: _Lobe) -> int:
+        """Return how many cells a path's footprint has."""
+        radar, (num_doppler, num_range) = self.cells.radar, self.shape
+        rows = doppler_lobe.num_columns(radar.num_chirps, num_doppler)
+        return rows * range_lobe.num_columns(radar.num_samples, num_range)
+
     @cached_property
     def _main(self) -> tuple[_Lobe, _Lobe]:
         """Main lobes over Doppler and over range."""
@@ -362,6 +368,12 @@ class _Arms:
     beside_range: _Lobe
     highest: float
 
+    @property
+    def num_cells(self) -> int:
+        """Cells of each path's sidelobes."""
+        spread, (doppler_lobe, range_lobe) = self.spread, self.spread._main
+        return spread._num_cells(doppler_lobe, self.beside_range) + spread._num_cells(self.beside_doppler, range_lobe)
+
     def footprint(self, index: Index) -> tuple[Cells, Array]:
         """Return the flat cells of each path's sidelobes and their values there."""
         along = self.spread._footprint(index, None, self.beside_range)
@@ -372,11 +384,9 @@ class _Arms:
 _Footprint = Callable[[Index], tuple[Cells, Array]]
 
 
-def _blocks(index: Index, footprint: _Footprint) -> list[Index]:
-    """Return paths in blocks of a bounded number of cells."""
-    if not len(index):
-        return []
-    width = max(1, _CELLS_PER_BLOCK // max(1, footprint(index[:1])[0].shape[1]))
+def _blocks(index: Index, num_cells: int) -> list[Index]:
+    """Return paths with so many cells each in blocks of a bounded number of cells."""
+    width = max(1, _CELLS_PER_BLOCK // max(1, num_cells))
     return [index[start : start + width] for start in range(0, len(index), width)]
 
 
@@ -408,12 +418,9 @@ class _Lobe:
         Each bin once, of `num_bins` that are as wide as the axis together: shapes (..., number of bins).
         """
         scale = num_bins / count
-        reach = len(self.values) / _STEPS_PER_BIN * scale
-        width = min(int(np.floor(2.0 * reach)) + 1, num_bins)
-        first = np.ceil(place * scale - reach)
+        first = np.ceil(place * scale - len(self.values) / _STEPS_PER_BIN * scale)
         step = (first / scale - place) * _STEPS_PER_BIN
-        around = len(self.values) / _STEPS_PER_BIN > count / 2.0
-        column = np.arange(width) if around else self._columns(reach, width, scale)
+        around, column = self._columns(count, num_bins)
         bins: Cells = np.mod(first.astype(np.int32), np.int32(num_bins))[..., None] + column.astype(np.int32)
         over = bins[..., -1] >= num_bins if len(column) else np.zeros(bins.shape[:-1], dtype=np.bool_)
         bins[over] -= np.int32(num_bins) * (bins[over] >= num_bins)
@@ -425,11 +432,23 @@ class _Lobe:
         row = whole.astype(np.int64) + len(self.values)
         return bins, self._between(row, step - whole, int(apart), column)
 
-    def _columns(self, reach: float, width: int, scale: float) -> Index:
-        """Return which of `width` bins, the first at most a bin within `reach`, are not in the hole, wherever it is."""
+    def num_columns(self, count: int, num_bins: int) -> int:
+        """Return the number of bins of each place; parameters as of :meth:`bins`."""
+        return len(self._columns(count, num_bins)[1])
+
+    def _columns(self, count: int, num_bins: int) -> tuple[bool, Index]:
+        """Return whether the response goes around the axis, and which of the bins within it are not in the hole.
+
+        The first is at most a bin within its reach, wherever it is.
+        """
+        scale = num_bins / count
+        reach = len(self.values) / _STEPS_PER_BIN * scale
+        width = min(int(np.floor(2.0 * reach)) + 1, num_bins)
+        if len(self.values) / _STEPS_PER_BIN > count / 2.0:
+            return True, np.arange(width)
         inner = (self.hole - 1) / _STEPS_PER_BIN * scale
         low, high = int(np.ceil(reach - inner)), int(np.floor(reach + inner))
-        return np.r_[:low, high:width] if low < high else np.arange(width)
+        return False, np.r_[:low, high:width] if low < high else np.arange(width)
 
     def _between(self, row: Index, share: Array, apart: int, column: Index) -> Array:
         """Return the values at columns `apart` steps from each other, the first between two of the table.

@@ -105,6 +105,11 @@ class MirrorView:
         return Station(self.mount.pose.position, self.mount.twist.linear, self.mount.pose.rotation)
 
     @cached_property
+    def _is_thin(self) -> Flags:
+        """Which parts let waves through, by their rows."""
+        return np.isin(np.arange(len(self.state.world.parts.name)), self.thin)
+
+    @cached_property
     def faces(self) -> MirrorFaces:
         """Finds which of the mirrors a ray has met."""
         return MirrorFaces(
@@ -306,8 +311,8 @@ class MirrorView:
             met = rows[hits.ray]
             before = gone[met] + hits.distance < distance[met] - self.knobs.thickness
             instance = state.world.parts.instance[hits.part]
-            foreign = before & ~np.isin(instance, self.owned)
-            pane = foreign & np.isin(hits.part, self.thin) & (panes_left > 0)
+            foreign = before & ~np.isin(instance, self.owned) if len(self.owned) else before
+            pane = foreign & self._is_thin[hits.part] & (panes_left > 0)
             if owner is not None:
                 pane &= instance != owner[met]
             hidden[met[foreign & ~pane]] = True

@@ -234,7 +234,7 @@ class ScreenedProbe(Probe):
     def _misses(self, start: DeviceArray, ray: DeviceArray, mirror: DeviceArray, active: DeviceArray) -> DeviceArray:
         """Return which rays first meet something else than some mirrors, one for each ray."""
         dr, mi = self.rays.dr, self.rays.mi
-        face = self.rays.first(start, ray)
+        face = self.rays.first(start, ray, coherent=True)
         met = active & (face != MISS)
         return ~met | (dr.gather(mi.Int32, self._owner, mi.UInt32(face), met) != mirror)
 
