@@ -99,10 +99,16 @@ class ErrorEstimate(Spec):
         "ratio; docs/accuracy.md, second look",
     )
     difference: float = Field(
-        1.33,
+        2.3,
         ge=0.0,
         description="expected error over what the echo differs by from that of the next coarser level: a ratio; "
         "docs/accuracy.md, second look",
+    )
+    doubt_share: float = Field(
+        2.0,
+        ge=0.0,
+        description="a bounce that differs from its reverse by more than this multiple of the tolerance is doubtful: a "
+        "ratio; docs/accuracy.md, expected error",
     )
     by_class_db: Decibels = Field(
         8.0,
@@ -132,13 +138,13 @@ class AutoSettings(Spec):
             ),
             SbrLevel(
                 tolerance_db=3.0,
-                max_phase=3.0,
-                integration_phase=0.2,
+                max_phase=1.5,
+                integration_phase=0.1,
                 edge_share=0.25,
-                return_angle=0.8,
+                return_angle=1.1,
                 max_depth=5,
-                growth=290.0,
-                patch_error=0.08,
+                growth=390.0,
+                patch_error=0.05,
             ),
             SbrLevel(
                 tolerance_db=1.0,
@@ -167,6 +173,11 @@ class AutoSettings(Spec):
     )
     tubes: TubeEstimate = Field(TubeEstimate(), description="what an object costs in the budget")
     errors: ErrorEstimate = Field(ErrorEstimate(), description="what each object is expected to be off by")
+    coarse_first: bool = Field(
+        True,
+        description="the first solve is one level coarser than the tolerance asks for, but not the coarsest, and "
+        "only objects that may miss the tolerance are computed at its level; docs/accuracy.md, expected error",
+    )
     look_share: float = Field(
         0.25,
         ge=0.0,

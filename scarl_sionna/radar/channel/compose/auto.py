@@ -13,6 +13,7 @@ import numpy as np
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.auto import SbrLevel
 from scarl_sionna.core.settings.plan import ChannelPlan, Reflection, Share
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.spec import Spec
@@ -30,7 +31,7 @@ from .left_out.entries import beyond_last_bounce, left_out
 from .mirror_chains import possible_chains
 from .mirrors import Mirror, mirrored
 from .spend import Choice
-from .verify import Verified, met, verified
+from .verify import Verified, first_level, met, verified
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -87,7 +88,9 @@ def solve_auto(
     view, chosen, plan = _planned(state, radar, mount, settings)
     choices = chosen.choices
     planned = time.perf_counter() - start
-    again = verified(view, chosen, plan, solve_hybrid(state, radar, mount, settings.with_(plan=plan)))
+    level = first_level(view, chosen)
+    first = replace(plan, shares=tuple(_at_level(share, level) for share in plan.shares))
+    again = verified(view, chosen, plan, solve_hybrid(state, radar, mount, settings.with_(plan=first)))
     paths = again.paths
     kept = met(choices, again.errors, view, again.levels)
     _warn_of_tolerance(kept, chosen, settings)
@@ -96,6 +99,7 @@ def solve_auto(
         "method": "auto",
         "tolerance_db": settings.accuracy.channel_tolerance_db,
         "level_db": chosen.level.tolerance_db,
+        "first_level_db": level.tolerance_db,
         **kept,
         **again.diagnostics,
         "predicted": dict(plan.predicted),
@@ -215,6 +219,10 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
         left_out=left_out(view, chosen, echoing),
         predicted=predicted,
     )
+
+
+def _at_level(share: Share, level: SbrLevel) -> Share:
+    return replace(share, settings=sbr_settings(level)) if share.solver == "sbr" else share
 
 
 def _reflections(view: View, own: list[Choice]) -> tuple[Reflection, ...]:

@@ -307,12 +307,6 @@ def num_tubes_of(view: View, choice: Choice, level: SbrLevel) -> int:
     return num_tubes(view.first_tubes(item.number, level), choice.sight.turning, level, view.rules)
 
 
-def first_share(view: View, choice: Choice, level: SbrLevel) -> float:
-    """Return which part of an object's tubes start on it; the others go on from it."""
-    first = view.first_tubes(choice.item.number, level)
-    return num_tubes(first, 0.0, level, view.rules) / max(num_tubes(first, choice.sight.turning, level, view.rules), 1)
-
-
 def _one(view: View, item: Estimate) -> Choice:
     """Return what becomes of an instance before it is looked at and before the budget counts."""
     rules, floor = view.rules, view.settings.accuracy.channel_floor_db

@@ -1,9 +1,9 @@
-"""Whether a solve of ``method="auto"`` keeps its tolerance, by a second look at its objects; some are computed finer.
+"""Whether a solve of ``method="auto"`` keeps its tolerance; objects that may not are computed finer.
 
-The formula of `expected_error` sees what cancels and what is cut; it does not see a tube that no ray probed. So objects
-that count are computed a second time at the next coarser level, and what their echo differs by tells how far it still
-moves. What both levels lack shows where the two directions of a bounce differ, or may be where hardly anything is seen
-of an object: these are computed at a finer level. docs/accuracy.md, second look.
+A solve begins one level coarser than the tolerance asks for: most objects are right by then, and the formula of
+`expected_error` says which. The others are computed at the level asked for, and what their echo differs by tells how
+far it still moves. What both levels lack shows where the two directions of a bounce differ, or may be where hardly
+anything is seen of an object. docs/accuracy.md, expected error.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import time
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from scarl_sionna.signal.antenna import boresights, largest_field_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
 from .budget import sbr_settings
-from .choose import ENOUGH, Chosen, View, counts, first_share, level_of, num_tubes_of
+from .choose import ENOUGH, Chosen, View, counts, level_of, num_tubes_of
 from .expected_error import MOST_DB, expected_errors, kept_error, levels_db, owners, reverse_doubts
 from .hybrid import solve_hybrid
 from .spend import Choice, num_pairs
@@ -37,6 +36,11 @@ DIMMER_DB = 10.0
 BRIGHT_DB = 20.0
 """Of objects this much stronger than those that count as many keep the tolerance: the weak ones do not make up for
 them."""
+HOPED = 0.5
+"""What the expected error is taken to become by the next finer level, before it is known: it decides how many objects
+are computed together."""
+ROUNDS = 2
+"""How often objects are chosen for one level: the second time by what the first has found."""
 
 
 @dataclass
@@ -77,49 +81,56 @@ class Verified:
         return {**names, "second_look_tubes": self.tubes}
 
 
+def first_level(view: View, chosen: Chosen) -> SbrLevel:
+    """Return the level of the first solve: one coarser than that asked for, but not the coarsest of all.
+
+    It is the level of the budget where that does not pay for the one asked for.
+    """
+    levels, rules = view.rules.levels, view.rules
+    asked = level_of(view.settings.accuracy.channel_tolerance_db, rules)
+    place = levels.index(chosen.level)
+    is_coarser = rules.coarse_first and chosen.level == asked and place > 1
+    return levels[place - 1] if is_coarser else chosen.level
+
+
 def verified(view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -> Verified:
-    """Return paths that were looked at again, with objects computed more finely where the tolerance asks for it.
+    """Return paths with objects computed more finely where the tolerance asks for it, and what is known of them.
 
     Parameters
     ----------
     view : View
     chosen : Chosen
     plan : ChannelPlan
-        That made the paths.
+        That made the paths, at the level `first_level`.
     paths : RadarPaths
 
     Notes
     -----
-    First, doubtful objects are computed at a finer level, those that cost least first; what that does not pay for keeps
-    its doubt in its expected error.
-    Looked at are the other objects that count, those first that cost least, for at most `look_share` of the tubes;
-    what that does not pay for with its reflections is compared without them.
-    At the coarsest level the look is finer and its paths are taken. Then, as long as the tolerance is not expected to
-    be met, the objects with the largest expected error are computed at the next finer level, with the doubtful ones
-    for at most `refine_share` of the tubes; their difference from the level before is their second look. Where the
-    budget did not pay for the level asked for, nothing is refined, and looked at only what would be called met. A
-    `cpu_budget` pays for all of it; a `tube_budget` is that of the plan.
+    As long as the tolerance is not expected to be met, the objects with the largest expected errors are computed at the
+    next finer level, up to that asked for, as many as are hoped to be enough; a doubt (see `Verified`) is part of
+    the expected error until then. What is still not met is computed at one level more, for at most `refine_share`
+    of the tubes of the plan, and only if that is hoped to be enough.
+    At the coarsest level all objects that `look_share` of the tubes pays for are computed at the next finer one.
+    Where the budget did not pay for the level asked for, nothing is refined, and looked at only what would be called
+    met. A `cpu_budget` pays for all of it; a `tube_budget` is that of the plan.
     """
     start = time.perf_counter()
     work = _Work(view, chosen, plan, paths)
-    rules = view.rules
+    rules, levels = view.rules, view.rules.levels
     asked = level_of(view.settings.accuracy.channel_tolerance_db, rules)
     is_asked = chosen.level == asked
-    if work.counted and (is_asked or met(chosen.choices, work.result.errors, view, work.result.levels)["met"]):
-        place = rules.levels.index(chosen.level)
-        spent = sum(choice.cost for choice in work.own)
+    if work.counted:
+        place, last = levels.index(work.level), levels.index(asked)
+        planned = sum(choice.cost for choice in work.own)
         seconds = view.settings.accuracy.cpu_budget
-        spare = np.inf if seconds is None else seconds / max(rules.tubes.seconds, 1e-12) - spent
-        finer = rules.levels[max(place + 1, 2) :]
-        share = rules.refine_share * spent
-        share -= work.settle(finer[0] if finer and is_asked else None, min(share, spare))
-        spare -= work.result.tubes
-        if place:
-            work.look(rules.levels[place - 1], min(rules.look_share * spent, spare))
-            if is_asked and finer:
-                work.refine(finer[0], min(share, spare))
-        elif place + 1 < len(rules.levels):
-            work.look(rules.levels[place + 1], min(rules.look_share * spent, spare))
+        work.spare = np.inf if seconds is None else seconds / max(rules.tubes.seconds, 1e-12) - work.first_tubes
+        if not place and len(levels) > 1 and (is_asked or work.is_met(work.result.errors)):
+            work.look(levels[1], rules.look_share * planned)
+        if is_asked and place:
+            for level in levels[place + 1 : last + 1]:
+                work.refine(level, np.inf, in_vain=True)
+            for level in levels[last + 1 : last + 2]:
+                work.refine(level, rules.refine_share * planned)
     work.result.seconds = time.perf_counter() - start
     return work.result
 
@@ -170,9 +181,12 @@ class _Work:
 
     def __init__(self, view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -> None:
         self.view, self.chosen, self.plan, self.before = view, chosen, plan, paths
+        self.level = first_level(view, chosen)
+        self.spare = np.inf
         self.own = [choice for choice in chosen.choices if choice.method == "sbr"]
         self.numbers = sorted(choice.item.number for choice in self.own)
-        self.result = Verified(paths, self._errors(paths, chosen.level))
+        self.result = Verified(paths, self._errors(paths, self.level))
+        self.levels = levels_db(paths, view.radar, self.numbers)
         self.result.levels = self._over_noise(self.levels)
         least = view.rules.counts_from_db - DIMMER_DB
         self.counted = {
@@ -180,6 +194,19 @@ class _Work:
             for choice in self.own
             if counts(choice, view.rules) and self.result.levels.get(choice.item.number, -np.inf) >= least
         }
+        self.result.doubts = self._doubts()
+        self.undoubted = dict(self.result.errors)
+        for number, doubt in self.result.doubts.items():
+            self.result.errors[number] = float(np.hypot(self.result.errors[number], doubt))
+
+    @property
+    def first_tubes(self) -> int:
+        """Tubes of the first solve."""
+        return sum(self._tubes(choice, self.level) for choice in self.own)
+
+    def is_met(self, errors: Mapping[int, float]) -> bool:
+        """Return whether the tolerance is expected to be met with some errors [dB]."""
+        return bool(met(self.chosen.choices, errors, self.view, self.result.levels)["met"])
 
     def _over_noise(self, levels: Mapping[int, float]) -> dict[int, float]:
         """Return the levels of objects with a path over the noise of a cell, with the antennas' largest gain [dB]."""
@@ -191,108 +218,74 @@ class _Work:
     def _errors(self, paths: RadarPaths, level: SbrLevel) -> dict[int, float]:
         return expected_errors(paths, self.view.radar, self.numbers, self.view.rules.errors, level)
 
-    @cached_property
-    def levels(self) -> dict[int, float]:
-        """Power of each object by the first solve [dB]."""
-        return levels_db(self.before, self.view.radar, self.numbers)
-
-    def settle(self, level: SbrLevel | None, budget: float) -> int:
-        """Compute the cheapest doubtful objects at a finer level, return its tubes; the others keep their doubt."""
-        doubts, result, chosen, spent = self._doubts(), self.result, [], 0
-        result.doubts = doubts
-        cost = {} if level is None else self._cost(level)
-        if level is not None:  # what is hidden ends with the first tubes
-            for number, tubes in cost.items():
-                seen = min(2.0 * self.counted[number].sight.share, 1.0)
-                first = first_share(self.view, self.counted[number], level)
-                cost[number] = int(tubes * (first + (1.0 - first) * seen))
-        for number in sorted(doubts, key=lambda one: (cost.get(one, 0), one)):
-            if level is not None and spent + cost[number] <= budget:
-                spent += cost[number]
-                chosen.append(number)
-            else:
-                result.errors[number] = float(np.hypot(result.errors[number], doubts[number]))
-        if level is not None and chosen:
-            self._take(self._traced(chosen, level, chosen), chosen, level)
-        result.tubes += spent
-        return spent
-
     def _doubts(self) -> dict[int, float]:
-        """Return what may be wrong with the echo of objects beyond the tolerance [dB], though no level shows it."""
+        """Return what may be wrong with the echo of objects, though no level shows it [dB], where it is large."""
         view, found = self.view, {}
+        tolerance = view.settings.accuracy.channel_tolerance_db
         reverse = reverse_doubts(self.before, view.radar, self.numbers, self.numbers)
         for number, choice in self.counted.items():
             seen = choice.sight.share * view.rules.num_probes
             few = 20.0 * np.log10(1.0 + seen**-0.5) if 0.0 < seen <= view.rules.few_probes else 0.0
-            doubt = float(max(few, reverse.get(number, 0.0)))
-            if doubt > view.settings.accuracy.channel_tolerance_db:
-                found[number] = doubt
+            both_ways = reverse.get(number, 0.0)
+            if few > tolerance or both_ways > view.rules.errors.doubt_share * tolerance:
+                found[number] = float(max(few, both_ways))
         return found
 
     def look(self, level: SbrLevel, budget: float) -> None:
-        """Compute the cheapest objects that count at another level; take their paths if it is a finer one.
-
-        What the budget does not pay for with its reflections is compared without them.
-        """
-        cost, finer = self._cost(level), level.tolerance_db < self.chosen.level.tolerance_db
-        whole: list[int] = []
-        straight: list[int] = []
-        for number in sorted(set(cost) - set(self.result.refined), key=lambda one: (cost[one], one)):
-            alone = num_tubes_of(self.view, self.counted[number], level)
-            for price, group in ((cost[number], whole), (alone, straight)):
-                if price <= budget and not (finer and group is straight):
-                    budget -= price
-                    self.result.tubes += price
-                    group.append(number)
-                    break
-        if not (whole or straight):
-            return
-        found = self._traced([*whole, *straight], level, whole)
-        if finer:
-            self._take(found, whole, level)
-            return
-        then = levels_db(self._comparable(found, whole), self.view.radar, self.numbers)
-        self._compare(whole, levels_db(found, self.view.radar, self.numbers), then, self.result.errors)
-        if straight:
-            now, then = (
-                levels_db(self._without_mirrors(paths), self.view.radar, self.numbers) for paths in (found, self.before)
-            )
-            self._compare(straight, now, then, self.result.errors)
-
-    def refine(self, level: SbrLevel, budget: float) -> None:
-        """Compute objects with the largest expected errors at a finer level, as many as the tolerance asks for."""
-        cost, errors = self._cost(level), dict(self.result.errors)
-        gain = level.tolerance_db / self.chosen.level.tolerance_db
-        chosen: list[int] = []
-        is_met = False
-        for number in sorted(set(self.counted) - set(self.result.refined), key=lambda one: (-errors[one], one)):
-            if is_met := met(self.chosen.choices, errors, self.view, self.result.levels)["met"]:
-                break
+        """Take the paths of a finer level for the cheapest objects that count."""
+        cost = {number: self._tubes(choice, level) for number, choice in self.counted.items()}
+        budget, whole = min(budget, self.spare), []
+        for number in sorted(cost, key=lambda one: (cost[one], one)):
             if cost[number] <= budget:
                 budget -= cost[number]
-                errors[number] *= gain  # what is hoped for: the solve says what it is
-                chosen.append(number)
-        is_met = is_met or met(self.chosen.choices, errors, self.view, self.result.levels)["met"]
-        if not chosen or not is_met:  # what is in doubt or too dear still is: the others would be computed in vain
-            return
-        self._take(self._traced(chosen, level, chosen), chosen, level)
-        self.result.tubes += sum(cost[number] for number in chosen)
+                whole.append(number)
+        self._compute(whole, level, cost)
 
-    def _cost(self, level: SbrLevel) -> dict[int, int]:
-        """Return the tubes of the objects that count at a level, over all of their ways."""
-        return {
-            number: num_tubes_of(self.view, choice, level) * num_pairs(len(choice.mirrors))
-            for number, choice in self.counted.items()
-        }
+    def refine(self, level: SbrLevel, budget: float, in_vain: bool = False) -> None:
+        """Compute objects with the largest expected errors at a finer level, as many as the tolerance asks for.
 
-    def _without_mirrors(self, paths: RadarPaths) -> RadarPaths:
-        return paths.select(np.isin(paths.instance, [*self.numbers, -1]).all(axis=1))
+        Unless `in_vain`, only if that is hoped to be enough; doubts are settled anyway.
+        """
+        cost = {number: self._tubes(choice, level) for number, choice in self.counted.items()}
+        budget = min(budget, self.spare)
+        left = {number for number in self.counted if self.result.errors[number] > self._small}
+        for _ in range(ROUNDS):
+            errors, chosen = dict(self.result.errors), []
+            for number in sorted(left, key=lambda one: (-errors[one], one)):
+                if self.is_met(errors):
+                    break
+                if cost[number] <= budget:
+                    budget -= cost[number]
+                    errors[number] = HOPED * self.undoubted[number]
+                    chosen.append(number)
+            if not (in_vain or self.is_met(errors)):
+                chosen = [number for number in chosen if number in self.result.doubts]
+            self._compute(chosen, level, cost)
+            left -= set(chosen)
 
-    def _traced(self, lit: Collection[int], level: SbrLevel, whole: Collection[int]) -> RadarPaths:
-        """Return the paths of some objects at a level, of some with their reflections; the others only bounce."""
+    @property
+    def _small(self) -> float:
+        """Expected error of an object that needs no finer level [dB]: if all had it the tolerance would be met."""
+        fit = self.view.rules.errors
+        odds = len(self.counted) / (1.0 - fit.confidence) - 1.0
+        return self.view.settings.accuracy.channel_tolerance_db / fit.median * odds ** (-1.0 / fit.tail)
+
+    def _compute(self, numbers: Sequence[int], level: SbrLevel, cost: Mapping[int, int]) -> None:
+        if numbers:
+            self._take(self._traced(numbers, level), numbers, level)
+            spent = sum(cost[number] for number in numbers)
+            self.result.tubes += spent
+            self.spare -= spent
+
+    def _tubes(self, choice: Choice, level: SbrLevel) -> int:
+        """Return the tubes of an object at a level, over all of its ways."""
+        return num_tubes_of(self.view, choice, level) * num_pairs(len(choice.mirrors))
+
+    def _traced(self, lit: Collection[int], level: SbrLevel) -> RadarPaths:
+        """Return the paths of some objects at a level; the others only bounce."""
         shares = []
         for share in (share for share in self.plan.shares if share.solver == "sbr"):
-            over = [item.only(whole) for item in share.reflections]
+            over = [item.only(lit) for item in share.reflections]
             shares.append(
                 replace(
                     share,
@@ -321,13 +314,10 @@ class _Work:
         errors = self._errors(own, level)
         levels = levels_db(own, self.view.radar, self.numbers)
         some = [number for number in numbers if number in errors]
-        self._compare(some, levels, self.levels, errors)
+        self._compare(some, levels, errors)
+        self.levels |= {number: levels[number] for number in some}
         result.levels |= {number: level for number, level in self._over_noise(levels).items() if number in some}
         result.refined = sorted({*result.refined, *numbers})
-
-    def _comparable(self, found: RadarPaths, numbers: Sequence[int]) -> RadarPaths:
-        """Return the paths of the first solve without what a solve of some objects cannot have."""
-        return self.before.select(~self._reversed_only(self.before, found, numbers))
 
     def _reversed_only(self, before: RadarPaths, found: RadarPaths, numbers: Sequence[int]) -> npt.NDArray[np.bool_]:
         """Return which paths of some objects a solve of these alone lacks: over mirrors, reversed from other objects.
@@ -345,20 +335,14 @@ class _Work:
         rows[rows] = np.array([_chain(row) not in there for row in chains])[which.ravel()]
         return rows
 
-    def _compare(
-        self,
-        numbers: Sequence[int],
-        levels: Mapping[int, float],
-        before: Mapping[int, float],
-        errors: Mapping[int, float],
-    ) -> None:
+    def _compare(self, numbers: Sequence[int], levels: Mapping[int, float], errors: Mapping[int, float]) -> None:
         """Bring what the echo of objects differs by into their expected error."""
         fit, result = self.view.rules.errors, self.result
         for number in numbers:
-            difference = min(abs(levels[number] - before[number]), MOST_DB)
+            difference = min(abs(levels[number] - self.levels[number]), MOST_DB)
             error = float(np.hypot(fit.looked_at * errors[number], fit.difference * difference))
             result.differences[number] = difference
-            result.errors[number] = error
+            result.errors[number] = self.undoubted[number] = error
 
 
 def _chain(row: npt.NDArray[np.int32]) -> tuple[int, ...]:
