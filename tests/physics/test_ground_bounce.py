@@ -16,7 +16,8 @@ def test_the_foot_of_a_post_is_seen_over_the_road(tmp_path) -> None:
     distance = 13.11
     state, _ = problem.states("post", distance, tmp_path)
     pose = problem.ss.Pose([0.0, 0.0, problem.HEIGHT])
-    paths = solve_paths(state, problem.RADAR, pose, "auto", channel_tolerance_db=0.3, max_distance=problem.REACH)
+    asked = {"channel_tolerance_db": 0.3, "auto": {"coarse_first": False}, "max_distance": problem.REACH}
+    paths = solve_paths(state, problem.RADAR, pose, "auto", **asked)
     number = {info.name: number for number, info in state.world.instances.items()}
     paths = paths.select((paths.instance == number["body"]).any(axis=1))
     wave = 2.0 * np.pi * problem.RADAR.center_frequency / SPEED_OF_LIGHT

@@ -155,7 +155,8 @@ def test_options_of_raycast_reach_it_and_the_plan_can_be_changed(state) -> None:
     plan = plan_channel(state, RADAR, POSE, settings=SETTINGS, num_rays=3_000)
     assert plan.shares[-1].solver == "raycast" and plan.shares[-1].settings is None
     same = solve_paths(state, RADAR, POSE, "hybrid", settings=SETTINGS, plan=plan, num_rays=3_000)
-    assert same.a.tobytes() == solve_paths(state, RADAR, POSE, settings=SETTINGS, num_rays=3_000).a.tobytes()
+    as_planned = SETTINGS.with_(auto=AutoSettings(coarse_first=False, refine_share=0.0))
+    assert same.a.tobytes() == solve_paths(state, RADAR, POSE, settings=as_planned, num_rays=3_000).a.tobytes()
     with pytest.raises(ParameterRangeError, match=r"0\.1 dB.*at least 0\.3 dB"):
         solve_paths(state, RADAR, POSE, channel_tolerance_db=0.1, tube_budget=0)
     with pytest.raises(ParameterRangeError, match="max_distance"):
@@ -299,11 +300,12 @@ def test_a_coarser_level_is_taken_where_it_leaves_less_to_class(platoon) -> None
         ).predicted["tubes"]
         for level in AutoSettings().levels
     }
-    assert cost[6.0] == cost[3.0]  # what turns no wave to another body is as dear
-    budget = int(0.9 * cost[3.0])  # less than all at any level; of the finer ones it pays for one car at most
-    reported = solve_paths(platoon, RADAR, POSE, tube_budget=budget, channel_tolerance_db=1.0)
-    assert reported.diagnostics["level_db"] == 3.0
-    assert sum(entry["method"] == "sbr" for entry in choices(reported).values()) == 2
+    assert cost[6.0] < cost[3.0] < cost[1.0]
+    for level, share in ((3.0, 1.05), (6.0, 0.9)):  # all of them, and less than all at any level
+        budget = int(share * cost[level])
+        reported = solve_paths(platoon, RADAR, POSE, tube_budget=budget, channel_tolerance_db=1.0)
+        assert reported.diagnostics["level_db"] == reported.diagnostics["first_level_db"] == level
+        assert sum(entry["method"] == "sbr" for entry in choices(reported).values()) == (3 if share > 1.0 else 2)
 
 
 def test_echoes_through_mirrors_are_paid_from_what_is_left(tmp_path) -> None:
