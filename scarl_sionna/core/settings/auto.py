@@ -95,14 +95,14 @@ class ErrorEstimate(Spec):
     looked_at: float = Field(
         0.67,
         ge=0.0,
-        description="expected error of an object that was looked at again, relative to that of one that was not: a "
-        "ratio; docs/accuracy.md, second look",
+        description="expected error of an object that was computed at two levels, relative to that of one that was "
+        "not: a ratio; docs/accuracy.md, expected error",
     )
     difference: float = Field(
         2.3,
         ge=0.0,
-        description="expected error over what the echo differs by from that of the next coarser level: a ratio; "
-        "docs/accuracy.md, second look",
+        description="expected error over what the echo differs by from that of the level before: a ratio; "
+        "docs/accuracy.md, expected error",
     )
     doubt_share: float = Field(
         2.0,
@@ -182,21 +182,21 @@ class AutoSettings(Spec):
         0.25,
         ge=0.0,
         le=4.0,
-        description="number of tubes of the second look over that of the solve, at most; 0: none; docs/accuracy.md, "
-        "second look",
+        description="number of tubes of what is computed at 3 dB where 6 dB is asked for, over that of the solve, at "
+        "most; docs/accuracy.md, expected error",
     )
     few_probes: int = Field(
         5,
         ge=0,
         description="an object is doubtful if it is seen, but by no more than this number of its `num_probes` points; "
-        "docs/accuracy.md, second look",
+        "docs/accuracy.md, expected error",
     )
     refine_share: float = Field(
         0.5,
         ge=0.0,
         le=4.0,
         description="number of tubes of what is computed at a finer level, since it is doubtful or the tolerance is "
-        "not met, over that of the solve, at most; docs/accuracy.md, second look",
+        "not met, over that of the solve, at most; docs/accuracy.md, expected error",
     )
     counts_from_db: Decibels = Field(
         10.0,

@@ -86,7 +86,7 @@ def reverse_doubts(
 
     .. math:: 20 \log_{10}\left(1 + \sqrt{\langle|A - B|^2\rangle / \langle|\sum a|^2\rangle}\right)
 
-    tells what tubes lack that both levels of a second look lack. Side lobes of a bounce have no exact twin in physical
+    tells what tubes lack that two levels lack. Side lobes of a bounce have no exact twin in physical
     optics, so it is a doubt, not an error.
 
     References
