@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.rows import row_max, row_min
+
 Array = npt.NDArray[np.float64]
 
 CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
@@ -29,7 +31,7 @@ def through_box(start: Array, directions: Array, lower: Array, upper: Array) -> 
     """
     safe = np.where(np.abs(directions) < 1e-12, 1e-12, directions)
     first, second = (lower - start) / safe, (upper - start) / safe
-    return np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)
+    return row_max(np.minimum(first, second)), row_min(np.maximum(first, second))
 
 
 def rectangle(optical: Array) -> tuple[Array, Array] | None:

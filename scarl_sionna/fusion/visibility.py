@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import find_objects
 
+from scarl_sionna.core.arrays.rows import row_all, row_norm
 from scarl_sionna.core.boxes import CORNERS, WIDEST, rays_over, rectangle, through_box
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
 from scarl_sionna.core.results import ImageFrame, LidarScan, ObjectState
@@ -124,9 +125,9 @@ def _silhouettes(state: WorldState, objects: Sequence[ObjectState], place: Pose,
         return _Silhouettes(box, occlusion, truncation)
     which, optical = np.concatenate(owner), np.concatenate(rays)
     pixel, _ = spec.project(optical)
-    inside = np.all((pixel >= 0.0) & (pixel < [spec.width, spec.height]), axis=-1) & np.isfinite(pixel).all(axis=-1)
+    inside = row_all((pixel >= 0.0) & (pixel < [spec.width, spec.height])) & row_all(np.isfinite(pixel))
     direction = place.rotate(optical @ CAMERA_OPTICAL_FROM_SENSOR)
-    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    direction /= row_norm(direction)[:, None]
     alone = _meets(state, objects, which, place.position, direction)
     first = np.zeros(len(which), dtype=np.int64)
     hits = state.cast(place.position, direction[alone])
@@ -139,12 +140,21 @@ def _silhouettes(state: WorldState, objects: Sequence[ObjectState], place: Pose,
     with np.errstate(invalid="ignore", divide="ignore"):
         truncation[:] = 1.0 - there / whole
         occlusion[:] = 1.0 - visible / there
-    for row in np.flatnonzero(there).tolist():
-        mine = pixel[(which == row) & alone & inside]
-        half = 0.5 * _pitch(pixel[which == row])
+    for row, own in _runs(which):
+        if not there[row]:
+            continue
+        mine = pixel[own][alone[own] & inside[own]]
+        half = 0.5 * _pitch(pixel[own])
         low, high = mine.min(axis=0) - half, mine.max(axis=0) + half
         box[row] = *np.maximum(low, 0.0), *np.minimum(high, [spec.width, spec.height])
     return _Silhouettes(box, occlusion, truncation)
+
+
+def _runs(which: npt.NDArray[np.int64]) -> Iterator[tuple[int, slice]]:
+    """Yield each object of the rays, which stand in its order, and where its rays are."""
+    starts = np.flatnonzero(np.diff(which, prepend=-1))
+    for first, stop in zip(starts.tolist(), [*starts[1:].tolist(), len(which)], strict=True):
+        yield int(which[first]), slice(first, stop)
 
 
 def _pitch(pixel: Array) -> Array:
@@ -177,8 +187,8 @@ def _meets(
 ) -> npt.NDArray[np.bool_]:
     """Return which rays meet their object, whatever stands before it."""
     enter, leave = np.empty(len(which)), np.empty(len(which))
-    for row in np.unique(which):
-        mine, half = which == row, objects[row].tight_size / 2.0 + STEP
+    for row, mine in _runs(which):
+        half = objects[row].tight_size / 2.0 + STEP
         box_from_world = objects[row].world_from_tight_box.inverse()
         enter[mine], leave[mine] = through_box(
             box_from_world.apply(origin), box_from_world.rotate(direction[mine]), -half, half
