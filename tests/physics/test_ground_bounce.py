@@ -32,8 +32,8 @@ def test_the_foot_of_a_post_is_seen_over_the_road(tmp_path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tolerance", [1.0, 0.3])
-def test_two_ray_fading_of_a_post_is_that_of_image_theory(tmp_path, tolerance) -> None:
+@pytest.mark.parametrize(("tolerance", "most"), [(1.0, 0.75), (0.3, 0.5)])
+def test_two_ray_fading_of_a_post_is_that_of_image_theory(tmp_path, tolerance, most) -> None:
     errors = []
     for distance in problem.DISTANCES:
         state, alone = problem.states("post", float(distance), tmp_path / f"{distance:.1f}")
@@ -41,7 +41,7 @@ def test_two_ray_fading_of_a_post_is_that_of_image_theory(tmp_path, tolerance) -
         found = problem.by_auto(state, tolerance)
         assert found["road"]
         errors.append(problem.error_db(found["power"], exact, free))
-    assert max(errors) < 0.5
+    assert max(errors) < most
 
 
 @pytest.mark.slow

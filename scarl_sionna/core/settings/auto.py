@@ -80,7 +80,7 @@ class ErrorEstimate(Spec):
         "docs/accuracy.md, expected error",
     )
     tail: float = Field(
-        1.4,
+        1.6,
         gt=0.0,
         description="exponent by which the odds of being within an error grow with it: a number; docs/accuracy.md, "
         "expected error",
@@ -144,7 +144,7 @@ class AutoSettings(Spec):
                 return_angle=1.1,
                 max_depth=5,
                 growth=390.0,
-                patch_error=0.05,
+                patch_error=0.06,
             ),
             SbrLevel(
                 tolerance_db=1.0,

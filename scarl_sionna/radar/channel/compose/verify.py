@@ -108,8 +108,9 @@ def verified(view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -
     -----
     As long as the tolerance is not expected to be met, the objects with the largest expected errors are computed at the
     next finer level, up to that asked for, as many as are hoped to be enough; a doubt (see `Verified`) is part of
-    the expected error until then. What is still not met is computed at one level more, for at most `refine_share`
-    of the tubes of the plan, and only if that is hoped to be enough.
+    the expected error until then. At the finest level of all, whose own errors are not known otherwise, all of them
+    are computed. What is still not met is computed at one level more, for at most `refine_share` of the tubes of the
+    plan, and only if that is hoped to be enough.
     At the coarsest level all objects that `look_share` of the tubes pays for are computed at the next finer one.
     Where the budget did not pay for the level asked for, nothing is refined, and looked at only what would be called
     met. A `cpu_budget` pays for all of it; a `tube_budget` is that of the plan.
@@ -128,7 +129,7 @@ def verified(view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -
             work.look(levels[1], rules.look_share * planned)
         if is_asked and place:
             for level in levels[place + 1 : last + 1]:
-                work.refine(level, np.inf, in_vain=True)
+                work.refine(level, np.inf, in_vain=True, everything=level == levels[-1])
             for level in levels[last + 1 : last + 2]:
                 work.refine(level, rules.refine_share * planned)
     work.result.seconds = time.perf_counter() - start
@@ -241,27 +242,28 @@ class _Work:
                 whole.append(number)
         self._compute(whole, level, cost)
 
-    def refine(self, level: SbrLevel, budget: float, in_vain: bool = False) -> None:
+    def refine(self, level: SbrLevel, budget: float, in_vain: bool = False, everything: bool = False) -> None:
         """Compute objects with the largest expected errors at a finer level, as many as the tolerance asks for.
 
-        Unless `in_vain`, only if that is hoped to be enough; doubts are settled anyway.
+        Unless `in_vain`, only if that is hoped to be enough; what is doubtful is computed anyway. Or all, `everything`.
         """
         cost = {number: self._tubes(choice, level) for number, choice in self.counted.items()}
         budget = min(budget, self.spare)
-        left = {number for number in self.counted if self.result.errors[number] > self._small}
+        doubted = set(self.result.doubts) - set(self.result.refined)
+        left = {number for number in self.counted if everything or self.result.errors[number] > self._small} | doubted
         for _ in range(ROUNDS):
             errors, chosen = dict(self.result.errors), []
             for number in sorted(left, key=lambda one: (-errors[one], one)):
-                if self.is_met(errors):
-                    break
+                if self.is_met(errors) and not (everything or number in doubted):
+                    continue
                 if cost[number] <= budget:
                     budget -= cost[number]
                     errors[number] = HOPED * self.undoubted[number]
                     chosen.append(number)
             if not (in_vain or self.is_met(errors)):
-                chosen = [number for number in chosen if number in self.result.doubts]
+                chosen = [number for number in chosen if number in doubted]
             self._compute(chosen, level, cost)
-            left -= set(chosen)
+            left, doubted = left - set(chosen), doubted - set(chosen)
 
     @property
     def _small(self) -> float:
