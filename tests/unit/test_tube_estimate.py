@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from scarl_sionna import load_scene, solve_paths
+from scarl_sionna import load_scene, plan_channel, solve_paths
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
-from scarl_sionna.core.settings.auto import AutoSettings
+from scarl_sionna.core.settings.auto import AutoSettings, CostEstimate
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
@@ -114,3 +114,34 @@ def test_a_fine_ball_keeps_its_ground_bounce_within_the_default_budget(tmp_path)
         sum(row["detail"]["num_tubes"].values()) for row in found["solvers"] if "settings" in row.get("detail", ())
     )
     assert 0.5 < found["predicted"]["tubes"] / (3 * straight) < 2.0
+
+
+def test_processor_time_is_predicted_of_all_that_a_solve_does(tmp_path) -> None:
+    """Each term by itself: rays, instances, a solve by `sbr`, pairs of ways, tubes that start and tubes that go on."""
+    things = [
+        Thing("road", plane(64.0, 16.0, (30.0, 0.0, 0.0)), "Roads", "steel", is_object=False),
+        Thing("side", plane(1.0, 2.0, (20.0, 2.0, 1.1), (-1, -1, 0)), "Static", "steel"),
+        Thing("back", plane(1.0, 2.0, (20.0, 1.0, 1.1), (-1, 1, 0)), "Static", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    nothing = dict.fromkeys(CostEstimate.model_fields, 0.0) | {"most_further": 1e12}
+
+    def seconds(tolerance: float = 3.0, budget: int = 10**9, **terms: float) -> float:
+        rules = AutoSettings(cost=CostEstimate(**(nothing | terms)))
+        options = {"tube_budget": budget, "channel_tolerance_db": tolerance, "num_rays": 5_000, "cpu_budget": None}
+        return plan_channel(state, RADAR, POSE, auto=rules, **options).predicted["cpu_seconds"]
+
+    plan = plan_channel(state, RADAR, POSE, channel_tolerance_db=3.0, tube_budget=10**9, cpu_budget=None)
+    assert seconds(least=1.5, ray=1e-3, instance=2.0) == pytest.approx(1.5 + 5.0 + 3 * 2.0)
+    assert seconds(pair=1.0) == 2.0  # over the road one way, over it both ways
+    assert 0.0 < seconds(first=1.0) < plan.predicted["tubes"] and seconds(further=1.0) > 0.0
+    tubes = seconds(first=1.0) + seconds(further=1.0)
+    assert tubes == pytest.approx(plan.predicted["tubes"] - 2 * 3 * AutoSettings().tubes.least, abs=12.0)  # rounded
+    started, went_on = seconds(first=1.0), seconds(further=1.0)
+    at_most = 0.5 * started
+    fewer = seconds(further=1.0, most_further=0.5)
+    assert fewer == pytest.approx(1.0 / (1.0 / went_on + 1.0 / at_most), rel=1e-3)
+    both = seconds(tolerance=1.0, first=1.0, again=1.0)  # first at 3 dB, then what may miss 1 dB
+    assert seconds(tolerance=1.0, first=1.0) == started < both - started
+    assert seconds(tolerance=1.0, first=1.0, again=0.5) == pytest.approx((started + both) / 2.0)
+    assert seconds(least=2.0, budget=0, first=1.0, further=1.0, pair=1.0) == 0.0  # nothing by `sbr`

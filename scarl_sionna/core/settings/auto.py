@@ -60,7 +60,46 @@ class TubeEstimate(Spec):
         "reflects the wave to: a number; docs/accuracy.md, budget",
     )
     seconds: Seconds = Field(
-        2e-5, ge=0.0, description="processor time of a tube on one core of 2025 [s]; docs/accuracy.md, whole streets"
+        2e-5,
+        ge=0.0,
+        description="processor time of a tube on one core of 2025, by which a `cpu_budget` is one of tubes [s]; what a "
+        "solve is expected to take stands in `cost`; docs/accuracy.md, budget",
+    )
+
+
+class CostEstimate(Spec):
+    """Processor time that a solve by `auto` is expected to take, on one core of 2025; docs/accuracy.md, budget.
+
+    seconds = ray * rays + instance * instances, and where anything is computed by `sbr` least + pair * pairs of ways +
+    first * F + further * G / (1 + G / (most_further * F)), with F first tubes and G counted for bounces: of large
+    bodies many of these do not come back. The second look, not known before, is in these by its mean.
+    """
+
+    ray: Seconds = Field(8e-8, ge=0.0, description="of a ray of `raycast` [s]; docs/accuracy.md, budget")
+    instance: Seconds = Field(
+        1e-3, ge=0.0, description="of planning, for each instance of the scene [s]; docs/accuracy.md, budget"
+    )
+    least: Seconds = Field(0.25, ge=0.0, description="of a solve by `sbr`, however small [s]; docs/accuracy.md, budget")
+    pair: Seconds = Field(
+        0.03,
+        ge=0.0,
+        description="of a way there and a way back that some object has, but for the straight ones [s]; "
+        "docs/accuracy.md, budget",
+    )
+    first: Seconds = Field(
+        4e-6, ge=0.0, description="of a tube that starts on an object, with its patches [s]; docs/accuracy.md, budget"
+    )
+    further: Seconds = Field(4e-5, ge=0.0, description="of a tube that a bounce sends on [s]; docs/accuracy.md, budget")
+    most_further: float = Field(
+        2.0,
+        gt=0.0,
+        description="number of tubes of bounces over that of first tubes, at most; docs/accuracy.md, budget",
+    )
+    again: float = Field(
+        0.05,
+        ge=0.0,
+        description="where the first solve is coarser than the level asked for: time of what is computed at that "
+        "level, over that of everything, in the mean: a ratio; docs/accuracy.md, budget",
     )
 
 
@@ -172,6 +211,7 @@ class AutoSettings(Spec):
         "docs/accuracy.md, whole streets",
     )
     tubes: TubeEstimate = Field(TubeEstimate(), description="what an object costs in the budget")
+    cost: CostEstimate = Field(CostEstimate(), description="processor time that a solve is expected to take")
     errors: ErrorEstimate = Field(ErrorEstimate(), description="what each object is expected to be off by")
     coarse_first: bool = Field(
         True,

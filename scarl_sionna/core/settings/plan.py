@@ -216,8 +216,8 @@ class ChannelPlan(Described):
         What is not computed, with the reason and with numbers for its power; for the diagnostics. What names an
         ``instance`` is not among those that ``"*"`` stands for.
     predicted : mapping
-        What the maker of the plan expects: ``tubes``, ``cpu_seconds``, ``memory_gib`` and ``tolerance_db``; empty for a
-        plan by hand.
+        What the maker of the plan expects: ``tubes``, ``cpu_seconds`` of the whole solve by `auto` with planning,
+        clutter and second look, ``memory_gib`` and ``tolerance_db``; empty for a plan by hand.
 
     Raises
     ------

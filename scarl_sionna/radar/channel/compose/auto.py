@@ -25,7 +25,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
 from .budget import affordable_tubes, sbr_settings
-from .choose import Chosen, View, choose, level_of
+from .choose import Chosen, View, choose, expected_seconds, level_of
 from .hybrid import solve_hybrid
 from .left_out.entries import beyond_last_bounce, left_out
 from .mirror_chains import possible_chains
@@ -205,7 +205,7 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
     used = {view.instance(mirror) for choice in choices for mirror in choice.mirrors}
     used |= {view.instance(mirror) for mirror in echoing}
     tubes = sum(choice.cost for choice in choices)
-    seconds = round(tubes * view.rules.tubes.seconds, 2)
+    seconds = round(expected_seconds(view, chosen, first_level(view, chosen)), 2)
     memory = round(SolveCost(patches=tubes).memory_gib, 2)
     level = chosen.level.tolerance_db
     predicted = {"tubes": float(tubes), "cpu_seconds": seconds, "memory_gib": memory, "tolerance_db": level}

@@ -36,7 +36,7 @@ from .left_out.reach import Boxes, Looker, MirrorWays, Reach
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .reflections import changes, sights
-from .spend import Choice, spend
+from .spend import Choice, num_pairs, spend
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -305,6 +305,34 @@ def num_tubes_of(view: View, choice: Choice, level: SbrLevel) -> int:
     if choice.method != "sbr" or (item.in_view and choice.sight.share == 0.0 and not choice.changes):
         return 0
     return num_tubes(view.first_tubes(item.number, level), choice.sight.turning, level, view.rules)
+
+
+def expected_seconds(view: View, chosen: Chosen, first_level: SbrLevel) -> float:
+    """Return the processor time that a solve is expected to take, planning and second look included [s].
+
+    By :class:`.CostEstimate`; how right it is stands in docs/accuracy.md, budget. `first_level` is that of the first
+    solve, which may be coarser than the one chosen.
+    """
+    cost = view.rules.cost
+    own = [choice for choice in chosen.choices if choice.method == "sbr" and choice.cost]
+    optics = cost.least * bool(own) + _seconds_at(view, own, first_level)
+    if chosen.level != first_level:
+        optics += cost.again * _seconds_at(view, own, chosen.level)
+    return cost.ray * view.settings.raycast.num_rays + cost.instance * len(view.items) + optics
+
+
+def _seconds_at(view: View, own: Sequence[Choice], level: SbrLevel) -> float:
+    """Return what the tubes of objects are expected to take at a level, over all of their ways [s]."""
+    cost = view.rules.cost
+    over = {frozenset(mirror.number for mirror in choice.mirrors) for choice in own}
+    pairs = sum(num_pairs(len(mirrors)) - 1 for mirrors in over)
+    first = further = 0.0
+    for choice in own:
+        start, times = view.first_tubes(choice.item.number, level), num_pairs(len(choice.mirrors))
+        first += times * start
+        further += times * max(num_tubes_of(view, choice, level) - start - view.rules.tubes.least, 0.0)
+    further /= 1.0 + further / max(cost.most_further * first, 1.0)
+    return cost.pair * pairs + cost.first * first + cost.further * further
 
 
 def _one(view: View, item: Estimate) -> Choice:
