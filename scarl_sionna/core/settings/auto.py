@@ -183,7 +183,7 @@ class AutoSettings(Spec):
                 return_angle=1.1,
                 max_depth=5,
                 growth=390.0,
-                patch_error=0.06,
+                patch_error=0.07,
             ),
             SbrLevel(
                 tolerance_db=1.0,
