@@ -139,30 +139,31 @@ def kept_error(errors: Sequence[float], bounds: Sequence[float], share: float, f
     ----------
     .. [1] Y. H. Wang, "On the number of successes in independent trials", Statistica Sinica 3(2), 1993.
     """
-    computed, certain = np.asarray(errors, dtype=np.float64), np.asarray(bounds, dtype=np.float64)
-    count = len(computed) + len(certain)
+    count = len(errors) + len(bounds)
     if count == 0:
         return 0.0
-    allowed = count - int(np.ceil(share * count - 1e-9))
-
-    def is_kept(most: float) -> bool:
-        left = allowed - int(np.count_nonzero(certain > most))
-        if left < 0:
-            return False
-        beyond = np.zeros(len(computed) + 1)  # probability of so many objects beyond
-        beyond[0] = 1.0
-        for miss in 1.0 - 1.0 / (1.0 + (fit.median * computed / most) ** fit.tail):
-            beyond[1:] = beyond[1:] * (1.0 - miss) + beyond[:-1] * miss
-            beyond[0] *= 1.0 - miss
-        return bool(beyond[: left + 1].sum() >= fit.confidence)
-
     low, high = LEAST_DB, MOST_DB
-    if is_kept(low) or not is_kept(high):
-        return low if is_kept(low) else high
+    if keeps(low, errors, bounds, share, fit) or not keeps(high, errors, bounds, share, fit):
+        return low if keeps(low, errors, bounds, share, fit) else high
     while high / low > 1.001:
         middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if is_kept(middle) else (middle, high)
+        low, high = (low, middle) if keeps(middle, errors, bounds, share, fit) else (middle, high)
     return high
+
+
+def keeps(most: float, errors: Sequence[float], bounds: Sequence[float], share: float, fit: ErrorEstimate) -> bool:
+    """Return whether a share of objects is within `most` [dB] with enough probability, see :func:`kept_error`."""
+    computed, certain = np.asarray(errors, dtype=np.float64), np.asarray(bounds, dtype=np.float64)
+    count = len(computed) + len(certain)
+    left = count - int(np.ceil(share * count - 1e-9)) - int(np.count_nonzero(certain > most))
+    if left < 0:
+        return False
+    beyond = np.zeros(left + 1)  # probability of so many objects beyond
+    beyond[0] = 1.0
+    for miss in 1.0 - 1.0 / (1.0 + (fit.median * computed / most) ** fit.tail):
+        beyond[1:] = beyond[1:] * (1.0 - miss) + beyond[:-1] * miss
+        beyond[0] *= 1.0 - miss
+    return bool(beyond.sum() >= fit.confidence)
 
 
 def levels_db(paths: RadarPaths, radar: RadarSpec, numbers: Sequence[int]) -> dict[int, float]:

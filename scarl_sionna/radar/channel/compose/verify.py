@@ -27,7 +27,7 @@ from scarl_sionna.signal.noise import angle_cell_noise_power
 
 from .budget import sbr_settings
 from .choose import ENOUGH, Chosen, View, counts, level_of, num_tubes_of
-from .expected_error import MOST_DB, expected_errors, kept_error, levels_db, owners, reverse_doubts
+from .expected_error import MOST_DB, expected_errors, keeps, kept_error, levels_db, owners, reverse_doubts
 from .hybrid import solve_hybrid
 from .spend import Choice, num_pairs
 
@@ -120,7 +120,8 @@ def verified(view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -
     rules, levels = view.rules, view.rules.levels
     asked = level_of(view.settings.accuracy.channel_tolerance_db, rules)
     is_asked = chosen.level == asked
-    if work.counted:
+    if work.counted and (is_asked or work.is_met(work.result.errors)):
+        work.doubt()
         place, last = levels.index(work.level), levels.index(asked)
         planned = sum(choice.cost for choice in work.own)
         seconds = view.settings.accuracy.cpu_budget
@@ -145,36 +146,41 @@ def met(
     and 90 % of those that are `BRIGHT_DB` stronger keep it, too.
     """
     rules = view.rules
-    found: dict[int, float] = {}
-    bounds: dict[int, float] = {}
-    by_class = 0
+    groups = [_counted(choices, errors, view, levels, above) for above in (0.0, BRIGHT_DB)]
+    expected = max(kept_error(found, bounds, ENOUGH, rules.errors) for found, bounds in groups)
+    return {
+        "expected_error_db": round(expected, 2),
+        "num_counted": sum(len(group) for group in groups[0]),
+        "num_by_class": sum(choice.over_budget and counts(choice, rules) for choice in choices),
+        "met": expected <= view.settings.accuracy.channel_tolerance_db,
+    }
+
+
+def _counted(
+    choices: Sequence[Choice],
+    errors: Mapping[int, float],
+    view: View,
+    levels: Mapping[int, float] | None,
+    above_db: float,
+) -> tuple[list[float], list[float]]:
+    """Return the expected errors of the objects that count, and those of others, which are certain [dB]."""
+    rules = view.rules
+    found: list[float] = []
+    bounds: list[float] = []
     for choice in choices:
-        item = choice.item
+        number = choice.item.number
         if not counts(choice, rules):
             continue
         if choice.over_budget:
-            bounds[item.number] = rules.errors.by_class_db
-            by_class += 1
-        elif choice.method == "sbr" and item.number in errors:
+            error, group = rules.errors.by_class_db, bounds
+        elif choice.method == "sbr" and number in errors:
             left = 0.0 if choice.without is None else float(choice.without.change_db)
-            (bounds if left > errors[item.number] else found)[item.number] = max(errors[item.number], left)
-
-    def kept(above_db: float) -> tuple[int, float]:
-        least = rules.counts_from_db + above_db
-        some = [
-            [error for number, error in group.items() if (levels or {}).get(number, np.inf) + error >= least]
-            for group in (found, bounds)
-        ]
-        return len(some[0]) + len(some[1]), kept_error(some[0], some[1], ENOUGH, rules.errors)
-
-    (counted, expected), (_, of_bright) = kept(0.0), kept(BRIGHT_DB)
-    expected = max(expected, of_bright)
-    return {
-        "expected_error_db": round(expected, 2),
-        "num_counted": counted,
-        "num_by_class": by_class,
-        "met": expected <= view.settings.accuracy.channel_tolerance_db,
-    }
+            error, group = max(errors[number], left), bounds if left > errors[number] else found
+        else:
+            continue
+        if (levels or {}).get(number, np.inf) + error >= rules.counts_from_db + above_db:
+            group.append(error)
+    return found, bounds
 
 
 class _Work:
@@ -195,10 +201,7 @@ class _Work:
             for choice in self.own
             if counts(choice, view.rules) and self.result.levels.get(choice.item.number, -np.inf) >= least
         }
-        self.result.doubts = self._doubts()
         self.undoubted = dict(self.result.errors)
-        for number, doubt in self.result.doubts.items():
-            self.result.errors[number] = float(np.hypot(self.result.errors[number], doubt))
 
     @property
     def first_tubes(self) -> int:
@@ -207,7 +210,11 @@ class _Work:
 
     def is_met(self, errors: Mapping[int, float]) -> bool:
         """Return whether the tolerance is expected to be met with some errors [dB]."""
-        return bool(met(self.chosen.choices, errors, self.view, self.result.levels)["met"])
+        tolerance, fit = self.view.settings.accuracy.channel_tolerance_db, self.view.rules.errors
+        return all(
+            keeps(tolerance, *_counted(self.chosen.choices, errors, self.view, self.result.levels, above), ENOUGH, fit)
+            for above in (0.0, BRIGHT_DB)
+        )
 
     def _over_noise(self, levels: Mapping[int, float]) -> dict[int, float]:
         """Return the levels of objects with a path over the noise of a cell, with the antennas' largest gain [dB]."""
@@ -219,9 +226,9 @@ class _Work:
     def _errors(self, paths: RadarPaths, level: SbrLevel) -> dict[int, float]:
         return expected_errors(paths, self.view.radar, self.numbers, self.view.rules.errors, level)
 
-    def _doubts(self) -> dict[int, float]:
-        """Return what may be wrong with the echo of objects, though no level shows it [dB], where it is large."""
-        view, found = self.view, {}
+    def doubt(self) -> None:
+        """Bring what may be wrong with the echo of objects, though no level shows it, into their expected errors."""
+        view, result = self.view, self.result
         tolerance = view.settings.accuracy.channel_tolerance_db
         reverse = reverse_doubts(self.before, view.radar, self.numbers, self.numbers)
         for number, choice in self.counted.items():
@@ -229,8 +236,8 @@ class _Work:
             few = 20.0 * np.log10(1.0 + seen**-0.5) if 0.0 < seen <= view.rules.few_probes else 0.0
             both_ways = reverse.get(number, 0.0)
             if few > tolerance or both_ways > view.rules.errors.doubt_share * tolerance:
-                found[number] = float(max(few, both_ways))
-        return found
+                result.doubts[number] = float(max(few, both_ways))
+                result.errors[number] = float(np.hypot(result.errors[number], result.doubts[number]))
 
     def look(self, level: SbrLevel, budget: float) -> None:
         """Take the paths of a finer level for the cheapest objects that count."""
@@ -253,14 +260,15 @@ class _Work:
         left = {number for number in self.counted if everything or self.result.errors[number] > self._small} | doubted
         for _ in range(ROUNDS):
             errors, chosen = dict(self.result.errors), []
+            is_met = self.is_met(errors)
             for number in sorted(left, key=lambda one: (-errors[one], one)):
-                if self.is_met(errors) and not (everything or number in doubted):
-                    continue
-                if cost[number] <= budget:
+                if (everything or number in doubted or not is_met) and cost[number] <= budget:
                     budget -= cost[number]
                     errors[number] = HOPED * self.undoubted[number]
                     chosen.append(number)
-            if not (in_vain or self.is_met(errors)):
+                    is_met = is_met or self.is_met(errors)
+            if not (in_vain or is_met):
+                budget += sum(cost[number] for number in chosen if number not in doubted)
                 chosen = [number for number in chosen if number in doubted]
             self._compute(chosen, level, cost)
             left, doubted = left - set(chosen), doubted - set(chosen)
