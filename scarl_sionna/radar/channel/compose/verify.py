@@ -258,8 +258,11 @@ class _Work:
         budget = min(budget, self.spare)
         doubted = set(self.result.doubts) - set(self.result.refined)
         left = {number for number in self.counted if everything or self.result.errors[number] > self._small} | doubted
+        done: set[int] = set()
         for _ in range(ROUNDS):
-            errors, chosen = dict(self.result.errors), []
+            # what this level does not settle, the next one may: others are not computed for it
+            errors: dict[int, float] = {**self.result.errors, **dict.fromkeys(done, 0.0)}
+            chosen: list[int] = []
             is_met = self.is_met(errors)
             for number in sorted(left, key=lambda one: (-errors[one], one)):
                 if (everything or number in doubted or not is_met) and cost[number] <= budget:
@@ -271,7 +274,8 @@ class _Work:
                 budget += sum(cost[number] for number in chosen if number not in doubted)
                 chosen = [number for number in chosen if number in doubted]
             self._compute(chosen, level, cost)
-            left, doubted = left - set(chosen), doubted - set(chosen)
+            done |= set(chosen)
+            left, doubted = left - done, doubted - done
 
     @property
     def _small(self) -> float:
