@@ -63,8 +63,8 @@ def solve_auto(
         ``diagnostics["expected_error_db"]`` what they keep; ``diagnostics["num_by_class"]`` how many of the
         ``"num_counted"`` have the RCS of their class, since the budget does not pay for them;
         ``diagnostics["level_db"]`` the tolerance of the level that was taken, a coarser one where the budget does not
-        pay for that asked for; ``diagnostics["num_looked_at"]`` and ``["num_refined"]`` how many objects had a second
-        look, and how many are computed at a finer level for it (their paths come last);
+        pay for that asked for, ``["first_level_db"]`` that of the first solve; ``diagnostics["num_refined"]`` how many
+        objects were then computed at a finer level (their paths come last), ``["num_looked_at"]`` the same number;
         ``diagnostics["left_out"]`` what is not computed, why, and how much power it can hold: a bound or an estimate
         over the noise of a cell [dB], docs/accuracy.md.
 

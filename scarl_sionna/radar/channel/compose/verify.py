@@ -53,7 +53,7 @@ class Verified:
     errors : dict
         Expected error of the objects computed by `sbr` [dB], by instance.
     differences : dict
-        What the echo of the objects that were looked at again differed by [dB].
+        What the echo of the objects that were computed at two levels differed by [dB].
     refined : list of int
         Instances whose paths are those of a finer level.
     levels : dict
@@ -61,7 +61,7 @@ class Verified:
     doubts : dict
         What may be wrong with objects though no level shows it, where it is over the tolerance [dB], by instance.
     tubes : int
-        That the second look and what it refined cost, by the same estimate as the budget.
+        That what was computed finer cost, by the same estimate as the budget.
     seconds : float
     """
 
@@ -184,7 +184,7 @@ def _counted(
 
 
 class _Work:
-    """One solve that is looked at again."""
+    """One solve, and what of it is computed finer."""
 
     def __init__(self, view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -> None:
         self.view, self.chosen, self.plan, self.before = view, chosen, plan, paths
