@@ -79,7 +79,7 @@ def _parts(lines: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
 
 def _table(kind: str, title: str, some: Sequence[dict[str, Any]]) -> list[str]:
     seeds = sorted(line["seed"] for line in some)
-    which = f"{seeds[0]} to {seeds[-1]}" if len(seeds) == seeds[-1] - seeds[0] + 1 else ", ".join(map(str, seeds))
+    which = _runs(seeds) if kind == "field" else ", ".join(map(str, seeds))
     command = f"{kind} {seeds[0]}:{seeds[-1] + 1}" if kind == "field" else "street SEED:SEED+1 --tolerances 3 1"
     command += " --auto-only --reach METRES" if title.endswith("nearer") else ""
     text = [
@@ -91,6 +91,17 @@ def _table(kind: str, title: str, some: Sequence[dict[str, Any]]) -> list[str]:
     ]
     text += [_line(some, method) for method in dict.fromkeys(name for line in some for name in line["methods"])]
     return [*text, "", *(_frames(some) if kind == "street" else [])]
+
+
+def _runs(seeds: Sequence[int]) -> str:
+    """Return rising numbers as runs: 0 to 36, 97 to 179."""
+    runs: list[list[int]] = []
+    for seed in seeds:
+        if runs and seed == runs[-1][-1] + 1:
+            runs[-1].append(seed)
+        else:
+            runs.append([seed])
+    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
 
 
 def _frames(lines: Sequence[dict[str, Any]]) -> list[str]:
