@@ -246,8 +246,7 @@ def _echoing(view: View) -> list[Mirror]:
     """Return mirrors from which the radar sees itself: one that faces it, or two in a corner."""
     position, station = view.pose.position, Viewpoint.of(view.radar, view.pose, np.zeros(3))
     found: dict[int, Mirror] = {}
-    tail = view.settings.mirrors.end_reach * float(np.sqrt(view.radar.wavelength))
-    for way in possible_chains(view.candidates, position, 2, view.reach, tail):
+    for way in possible_chains(view.candidates, position, 2, view.reach, view.tail):
         if bool(station.sees(mirrored(way[::-1], position)[None])[0]):
             found |= {mirror.number: mirror for mirror in way}
     return [found[number] for number in sorted(found)]

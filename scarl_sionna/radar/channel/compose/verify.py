@@ -20,12 +20,9 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.settings.auto import SbrLevel
 from scarl_sionna.core.settings.plan import ChannelPlan
-from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.signal.antenna import boresights, largest_field_gain
-from scarl_sionna.signal.noise import angle_cell_noise_power
 
-from .budget import sbr_settings
+from .budget import path_unit, sbr_settings
 from .choose import ENOUGH, Chosen, View, counts, level_of, num_tubes_of
 from .expected_error import MOST_DB, expected_errors, keeps, kept_error, levels_db, owners, reverse_doubts
 from .hybrid import solve_hybrid
@@ -124,8 +121,6 @@ def verified(view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -
         work.doubt()
         place, last = levels.index(work.level), levels.index(asked)
         planned = sum(choice.cost for choice in work.own)
-        seconds = view.settings.accuracy.cpu_budget
-        work.spare = np.inf if seconds is None else seconds / max(rules.tubes.seconds, 1e-12) - work.first_tubes
         if not place and len(levels) > 1 and (is_asked or work.is_met(work.result.errors)):
             work.look(levels[1], rules.look_share * planned)
         if is_asked and place:
@@ -189,7 +184,6 @@ class _Work:
     def __init__(self, view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -> None:
         self.view, self.chosen, self.plan, self.before = view, chosen, plan, paths
         self.level = first_level(view, chosen)
-        self.spare = np.inf
         self.own = [choice for choice in chosen.choices if choice.method == "sbr"]
         self.numbers = sorted(choice.item.number for choice in self.own)
         self.result = Verified(paths, self._errors(paths, self.level))
@@ -202,11 +196,10 @@ class _Work:
             if counts(choice, view.rules) and self.result.levels.get(choice.item.number, -np.inf) >= least
         }
         self.undoubted = dict(self.result.errors)
-
-    @property
-    def first_tubes(self) -> int:
-        """Tubes of the first solve."""
-        return sum(self._tubes(choice, self.level) for choice in self.own)
+        self.spare = np.inf  # tubes that are left of a budget in seconds
+        if (seconds := view.settings.accuracy.cpu_budget) is not None:
+            first = sum(self._tubes(choice, self.level) for choice in self.own)
+            self.spare = seconds / max(view.rules.tubes.seconds, 1e-12) - first
 
     def is_met(self, errors: Mapping[int, float]) -> bool:
         """Return whether the tolerance is expected to be met with some errors [dB]."""
@@ -218,10 +211,8 @@ class _Work:
 
     def _over_noise(self, levels: Mapping[int, float]) -> dict[int, float]:
         """Return the levels of objects with a path over the noise of a cell, with the antennas' largest gain [dB]."""
-        radar = self.view.radar
-        gain = float(largest_field_gain(radar.array, boresights(radar.array)).max())
-        unit = dbm_to_watt(radar.front_end.tx_power_dbm) / angle_cell_noise_power(radar) * gain**4
-        return {number: levels[number] + 10.0 * float(np.log10(unit)) for number in self.result.errors}
+        unit_db = 10.0 * float(np.log10(path_unit(self.view.radar)))
+        return {number: levels[number] + unit_db for number in self.result.errors}
 
     def _errors(self, paths: RadarPaths, level: SbrLevel) -> dict[int, float]:
         return expected_errors(paths, self.view.radar, self.numbers, self.view.rules.errors, level)
@@ -241,7 +232,7 @@ class _Work:
 
     def look(self, level: SbrLevel, budget: float) -> None:
         """Take the paths of a finer level for the cheapest objects that count."""
-        cost = {number: self._tubes(choice, level) for number, choice in self.counted.items()}
+        cost = self._cost(level)
         budget, whole = min(budget, self.spare), []
         for number in sorted(cost, key=lambda one: (cost[one], one)):
             if cost[number] <= budget:
@@ -254,7 +245,7 @@ class _Work:
 
         Unless `in_vain`, only if that is hoped to be enough; what is doubtful is computed anyway. Or all, `everything`.
         """
-        cost = {number: self._tubes(choice, level) for number, choice in self.counted.items()}
+        cost = self._cost(level)
         budget = min(budget, self.spare)
         doubted = set(self.result.doubts) - set(self.result.refined)
         left = {number for number in self.counted if everything or self.result.errors[number] > self._small} | doubted
@@ -290,6 +281,10 @@ class _Work:
             spent = sum(cost[number] for number in numbers)
             self.result.tubes += spent
             self.spare -= spent
+
+    def _cost(self, level: SbrLevel) -> dict[int, int]:
+        """Return the tubes of the objects that count at a level."""
+        return {number: self._tubes(choice, level) for number, choice in self.counted.items()}
 
     def _tubes(self, choice: Choice, level: SbrLevel) -> int:
         """Return the tubes of an object at a level, over all of its ways."""

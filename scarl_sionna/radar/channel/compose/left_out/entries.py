@@ -10,7 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.settings.auto import SbrLevel
-from scarl_sionna.radar.channel.compose.budget import Estimate, cell_unit, smooth_share
+from scarl_sionna.core.settings.plan import COHERENT
+from scarl_sionna.core.units import power_to_db
+from scarl_sionna.radar.channel.compose.budget import Estimate, cell_unit, path_unit, smooth_share
 from scarl_sionna.radar.channel.compose.choose import AT_RADAR, Chosen, View
 from scarl_sionna.radar.channel.compose.expected_error import NUM_FREQUENCIES, mean_power, owners
 from scarl_sionna.radar.channel.compose.mirror_chains import possible_chains
@@ -19,7 +21,7 @@ from scarl_sionna.radar.channel.compose.spend import Choice
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.signal.antenna import boresights, largest_field_gain
+from scarl_sionna.signal.antenna import largest_field_gain
 
 from .reach import MirrorWays, Reach
 
@@ -27,7 +29,6 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Entry = dict[str, Any]
 
-COHERENT = ("sbr", "scatterers")
 MOST_CHAINS = 1500
 """Chains that are looked at with one reflection more than those computed, of the largest mirrors: bounds the time."""
 
@@ -285,9 +286,7 @@ def beyond_last_bounce(view: View, paths: RadarPaths, numbers: Sequence[int], le
     owner = owners(paths.select(rows), order.tolist())
     own = np.searchsorted(order, owner)
     power = mean_power(paths, view.radar, rows, own, len(order), NUM_FREQUENCIES)
-    gain = float(largest_field_gain(view.radar.array, boresights(view.radar.array)).max())
-    unit = cell_unit(view.radar) * (4.0 * np.pi) ** 3 / view.radar.wavelength**2 * gain**4
-    expected = _decibels(unit * view.rules.errors.last_bounce**2 * power)
+    expected = _decibels(path_unit(view.radar) * view.rules.errors.last_bounce**2 * power)
     reason = f"bounces after the {level.max_depth} that are followed"
     table, floor = view.state.world.instances, view.settings.accuracy.channel_floor_db
     return _entry("depth", reason, None, expected, lambda row: (table[int(order[row])].name,), floor)
@@ -331,4 +330,4 @@ _NOTHING = -200.0
 
 
 def _decibels(power: npt.ArrayLike) -> Array:
-    return np.asarray(10.0 * np.log10(np.maximum(power, 1e-20)))
+    return power_to_db(power, _NOTHING)

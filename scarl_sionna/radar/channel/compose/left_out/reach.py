@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.boxes import CORNERS
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.auto import AutoSettings
 from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS
@@ -29,7 +30,6 @@ THICKNESS = DEFAULT_MIRRORS.thickness
 """What lies this near to a mirror's plane is not seen over it [m]."""
 _PARALLEL = 1.0 - 1e-6
 """Cosine between normals from which on faces are the two sides of a wall: decides no accuracy."""
-_SIGNS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,7 @@ class Boxes:
     @classmethod
     def about(cls, mirrors: Sequence[Mirror]) -> Boxes:
         """Return the boxes of mirrors along the axes of the world."""
-        lower = np.array([mirror.corners.min(axis=0) for mirror in mirrors]).reshape(-1, 3)
-        upper = np.array([mirror.corners.max(axis=0) for mirror in mirrors]).reshape(-1, 3)
+        lower, upper, _ = _limits(mirrors)
         return cls((lower + upper) / 2.0, np.tile(np.eye(3), (len(lower), 1, 1)), (upper - lower) / 2.0)
 
     def take(self, rows: Sequence[int]) -> Boxes:
@@ -64,7 +63,9 @@ class Boxes:
     @cached_property
     def corners(self) -> Array:
         """Shape (n, 8, 3) [m]."""
-        return np.asarray(self.center[:, None] + np.einsum("nij,nkj->nki", self.rotation, _SIGNS * self.half[:, None]))
+        return np.asarray(
+            self.center[:, None] + np.einsum("nij,nkj->nki", self.rotation, 2.0 * CORNERS * self.half[:, None])
+        )
 
     @cached_property
     def radius(self) -> Array:
