@@ -11,6 +11,8 @@ import pytest
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.registry import spec_type
+from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.settings.auto import AutoSettings
 from scarl_sionna.core.settings.radar import QUALITIES, RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
@@ -242,4 +244,16 @@ def test_the_page_of_settings_has_the_numbers_of_the_qualities() -> None:
     page = (Path(__file__).parents[2] / "docs" / "radar_settings.md").read_text(encoding="utf-8")
     for quality in QUALITIES:
         settings = RadarSettings.preset(quality)
-        assert f"| `{quality}` | {settings.raycast.num_rays:,} | {settings.accuracy.tube_budget:,} |" in page
+        rays, accuracy = settings.raycast.num_rays, settings.accuracy
+        effort = f"{rays:,} | {accuracy.tube_budget:,} | {accuracy.channel_tolerance_db:g} dB"
+        assert f"| `{quality}` | {effort} |" in page
+
+
+def test_a_draft_asks_for_the_coarsest_level_and_nothing_beyond_it() -> None:
+    """So few tubes pay for no more; `full` states what stands over it, and what is asked for stands over both."""
+    draft, full = RadarSettings.preset("draft"), RadarSettings.preset("full")
+    coarsest = AutoSettings().levels[0]
+    assert draft.accuracy.channel_tolerance_db == coarsest.tolerance_db and draft.auto.look_share == 0.0
+    assert full == RadarSettings() == draft.merged(full)
+    asked = draft.merged(RadarSettings(accuracy=Accuracy(channel_tolerance_db=1.0)))
+    assert asked.accuracy == draft.accuracy.with_(channel_tolerance_db=1.0)

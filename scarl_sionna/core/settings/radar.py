@@ -121,8 +121,9 @@ class RadarSettings(Spec):
     def preset(cls, quality: str) -> RadarSettings:
         """Return the settings of a quality.
 
-        ``"full"`` states the default numbers of rays and tubes, ``"draft"`` a quarter of the rays and 3.5 % of
-        the tubes; nothing else is set.
+        ``"full"`` states the default tolerance and numbers of rays and tubes, ``"draft"`` a quarter of the rays, 3.5 %
+        of the tubes, and the tolerance of the coarsest level of `auto`, 6 dB, without its second look: so few tubes pay
+        for no more (docs/radar_settings.md, draft). Nothing else is set.
 
         Raises
         ------
@@ -131,10 +132,17 @@ class RadarSettings(Spec):
         """
         if quality not in QUALITIES:
             raise UnknownNameError("quality", quality, QUALITIES)
-        rays, tubes = RaycastSettings().num_rays, Accuracy().tube_budget
         if quality == "draft":
-            rays, tubes = 250_000, 35_000
-        return cls(raycast=RaycastSettings(num_rays=rays), accuracy=Accuracy(tube_budget=tubes))
+            return cls(
+                raycast=RaycastSettings(num_rays=250_000),
+                accuracy=Accuracy(tube_budget=35_000, channel_tolerance_db=6.0),
+                auto=AutoSettings(look_share=0.0),
+            )
+        return cls(
+            raycast=RaycastSettings(num_rays=RaycastSettings().num_rays),
+            accuracy=Accuracy(tube_budget=Accuracy().tube_budget, channel_tolerance_db=Accuracy().channel_tolerance_db),
+            auto=AutoSettings(look_share=AutoSettings().look_share),
+        )
 
     @classmethod
     def of(cls, method: str | None = None, **fields: object) -> RadarSettings:

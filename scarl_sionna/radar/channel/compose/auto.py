@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -93,7 +93,7 @@ def solve_auto(
     again = verified(view, chosen, plan, solve_hybrid(state, radar, mount, settings.with_(plan=first)))
     paths = again.paths
     kept = met(choices, again.errors, view, again.levels)
-    _warn_of_tolerance(kept, chosen, settings)
+    _warn([_missed(kept, chosen, settings), _without_reflections(choices, view)])
     diagnostics = dict(paths.diagnostics)
     diagnostics |= {
         "method": "auto",
@@ -125,7 +125,11 @@ def plan_channel(
     **fields
         Fields of the settings, as in :func:`scarl_sionna.solve_paths`.
     """
-    return _planned(state, radar, Mount.of(mount), (settings or RadarSettings()).changed("auto", **fields))[2]
+    view, chosen, plan = _planned(
+        state, radar, Mount.of(mount), (settings or RadarSettings()).changed("auto", **fields)
+    )
+    _warn([_without_reflections(chosen.choices, view)])
+    return plan
 
 
 def _planned(
@@ -135,12 +139,18 @@ def _planned(
     level_of(settings.accuracy.channel_tolerance_db, settings.auto)  # refuses a tolerance that is too fine
     view = View(state, radar, mount, settings, loaded_models(settings.scatterers.models))
     chosen = choose(view)
-    _warn_of_reflections(chosen.choices, view)
     return view, chosen, _plan(view, chosen)
 
 
-def _warn_of_reflections(choices: list[Choice], view: View) -> None:
-    """Warn of coherent objects whose ground bounce, or reflection at another mirror, is not computed."""
+def _warn(texts: Sequence[str]) -> None:
+    """Warn once of all that a budget does not pay for, if there is anything; a remedy is not said twice."""
+    if any(texts):
+        said = dict.fromkeys("; ".join(text for text in texts if text).split("; "))
+        warnings.warn(f"{'; '.join(said)}; diagnostics['choices'] has each object", ScarlWarning, stacklevel=3)
+
+
+def _without_reflections(choices: list[Choice], view: View) -> str:
+    """Return what is to be said of coherent objects whose ground bounce, or reflection elsewhere, is not computed."""
     coherent = [choice for choice in choices if choice.method in ("sbr", "scatterers") and choice.item.in_view]
     tolerance = view.settings.accuracy.channel_tolerance_db
     without = [
@@ -149,24 +159,22 @@ def _warn_of_reflections(choices: list[Choice], view: View) -> None:
         if choice.without is not None and choice.without.change_db > tolerance
     ]
     if not without:
-        return
+        return ""
     change, name = max(without, key=lambda pair: pair[0].change_db)
     mirror = view.state.world.instances[view.instance(change.mirror)].name
     most = f"by up to {change.change_db:.1f} dB" if np.isfinite(change.change_db) else "which alone shows it"
-    warnings.warn(
+    return (
         f"{len(without)} of {len(coherent)} objects are computed without reflections (ground bounce, walls) that can "
         f"change their echo by more than the tolerance of {tolerance:g} dB, most of "
         f"all '{name}' over '{mirror}', {most}: the tube budget does not pay for them; raise "
-        f"Accuracy.{affordable_tubes(view.settings.accuracy, view.rules)[1]}, or see diagnostics['choices'] for each",
-        ScarlWarning,
-        stacklevel=2,
+        f"Accuracy.{affordable_tubes(view.settings.accuracy, view.rules)[1]}"
     )
 
 
-def _warn_of_tolerance(kept: Mapping[str, Any], chosen: Chosen, settings: RadarSettings) -> None:
-    """Warn of a tolerance that is not expected to be kept, with what the budget does not pay for."""
+def _missed(kept: Mapping[str, Any], chosen: Chosen, settings: RadarSettings) -> str:
+    """Return what is to be said of a tolerance that is not expected to be kept, and what the budget does not pay."""
     if kept["met"]:
-        return
+        return ""
     tolerance, level = settings.accuracy.channel_tolerance_db, chosen.level.tolerance_db
     tubes, budget = affordable_tubes(settings.accuracy, settings.auto)
     short = []
@@ -178,12 +186,9 @@ def _warn_of_tolerance(kept: Mapping[str, Any], chosen: Chosen, settings: RadarS
         short.append(f"the others are computed at the level of {level:g} dB")
     reason = f"a budget of {tubes} tubes pays for no more: {', '.join(short)}; " if short else ""
     remedy = f"raise Accuracy.{budget}" if short else "ask for a finer one"
-    warnings.warn(
+    return (
         f"the echo of 90 % of the {kept['num_counted']} objects that can be detected is expected to be within "
-        f"{kept['expected_error_db']:.1f} dB, the tolerance is {tolerance:g} dB; {reason}{remedy}, or see "
-        "diagnostics['choices'] for each",
-        ScarlWarning,
-        stacklevel=3,
+        f"{kept['expected_error_db']:.1f} dB, the tolerance is {tolerance:g} dB; {reason}{remedy}"
     )
 
 
