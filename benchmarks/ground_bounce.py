@@ -1,8 +1,8 @@
 """Two-ray fading of a post and of a car on a flat road: `auto` against image theory.
 
-    python benchmarks/ground_bounce.py post 0:31       distances by number, a line of JSON each; 3 minutes
-    python benchmarks/ground_bounce.py car 0:31        10 minutes
-    python benchmarks/ground_bounce.py --write docs/figures/ground_bounce.png
+    python benchmarks/ground_bounce.py post 0:31       distances by number, a line of JSON each; 1 minute
+    python benchmarks/ground_bounce.py car 0:31:5      3 minutes, every fifth distance
+    python benchmarks/ground_bounce.py --write docs/figures/ground_bounce.webp
 
 The post's reference is an integral over the round surface, not a mesh; the car's is `sbr` of the car alone, finely and
 without a ground, between the radar and its images, with Fresnel's coefficient of every path (tests/oracles/two_ray.py).
@@ -170,14 +170,13 @@ def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kind", nargs="?", choices=("post", "car"))
-    parser.add_argument("numbers", nargs="?", default="0:31", help="first:last, the last not included")
+    parser.add_argument("numbers", nargs="?", default="0:31", help="first:last[:step], the last not included")
     parser.add_argument("--write", type=Path, metavar="PICTURE")
     arguments = parser.parse_args()
     if arguments.write is not None:
         write(arguments.write)
         return
-    first, last = map(int, arguments.numbers.split(":"))
-    for number in range(first, last):
+    for number in range(*map(int, arguments.numbers.split(":"))):
         found = line(arguments.kind, number)
         with RESULTS.open("a") as file:
             file.write(json.dumps(found) + "\n")

@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import scarl_sionna as ss
 from benchmarks.harness import ANY_COST, machine, write_block
-from benchmarks.street_scenes import PLACES, street
+from benchmarks.street_scenes import PLACES, Street, street
 from benchmarks.whole_streets import RADAR, UNLIMITED, echoes
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.settings.plan import ChannelPlan
@@ -54,22 +54,28 @@ COUNTED_DB = 10.0
 At = Callable[[int], tuple[WorldState, Mount]]
 
 
+def ahead(first: Street) -> At:
+    """Return the state and the radar's mount after a number of steps of 1 mm."""
+    pose = first.mount.pose
+
+    def moved(step: int) -> tuple[WorldState, Mount]:
+        there = ss.Pose(pose.apply(np.array([1e-3 * step, 0.0, 0.0])), pose.quaternion)
+        return first.state, replace(first.mount, pose=there)
+
+    return moved
+
+
 def moves(seed: int) -> dict[str, At]:
     """Return the state and the radar's mount after a number of steps of 1 mm, and of 1 ms."""
     first = street(seed)
-    pose = first.mount.pose
     world, begin = first.state.world, first.state.time
-    on_ego = first.state.actor_pose("ego").inverse().compose(pose)
-
-    def ahead(step: int) -> tuple[WorldState, Mount]:
-        moved = ss.Pose(pose.apply(np.array([1e-3 * step, 0.0, 0.0])), pose.quaternion)
-        return first.state, replace(first.mount, pose=moved)
+    on_ego = first.state.actor_pose("ego").inverse().compose(first.mount.pose)
 
     def later(step: int) -> tuple[WorldState, Mount]:
         state = world.at(begin + 1e-3 * step)
         return state, state.mount("ego", on_ego)
 
-    return {"1 mm": ahead, "1 ms": later}
+    return {"1 mm": ahead(first), "1 ms": later}
 
 
 def signature(plan: ChannelPlan) -> dict[int, tuple[str, tuple[int, ...]]]:

@@ -31,8 +31,17 @@ def test_the_foot_of_a_post_is_seen_over_the_road(tmp_path) -> None:
     assert abs(field[mixed].sum() - exact) < 0.04 * abs(exact)
 
 
+def test_curved_faces_are_integrated_finely_enough_at_the_level_of_3_db(tmp_path) -> None:
+    """Where parts are too large what their borders radiate does not cancel: 0.49, 0.47 and 0.68 dB with 0.1 rad."""
+    for number in (9, 10, 24):
+        distance = float(problem.DISTANCES[number])
+        state, alone = problem.states("post", distance, tmp_path / f"{number}")
+        exact, free = problem.by_image_theory("post", distance, alone)
+        assert problem.error_db(problem.by_auto(state, 3.0)["power"], exact, free) < 0.25
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("tolerance", "most"), [(1.0, 0.75), (0.3, 0.5)])
+@pytest.mark.parametrize(("tolerance", "most"), [(1.0, 0.35), (0.3, 0.3)])
 def test_two_ray_fading_of_a_post_is_that_of_image_theory(tmp_path, tolerance, most) -> None:
     errors = []
     for distance in problem.DISTANCES:
@@ -50,6 +59,6 @@ def test_two_ray_fading_of_a_car_is_that_of_image_theory(tmp_path) -> None:
         distance = float(problem.DISTANCES[number])
         state, alone = problem.states("car", distance, tmp_path / f"{number}")
         exact, free = problem.by_image_theory("car", distance, alone)
-        found = problem.by_auto(state, 0.3)  # at 1 dB the round body is up to 1.1 dB off, docs/accuracy.md
+        found = problem.by_auto(state, 0.3)  # at 1 dB the round body is up to 0.7 dB off, docs/accuracy.md
         assert found["road"]
         assert problem.error_db(found["power"], exact, free) < 0.5

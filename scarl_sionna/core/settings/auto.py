@@ -168,7 +168,7 @@ class AutoSettings(Spec):
             SbrLevel(
                 tolerance_db=6.0,
                 max_phase=3.0,
-                integration_phase=0.2,
+                integration_phase=0.02,
                 edge_share=1.0,
                 return_angle=0.3,
                 max_depth=5,
@@ -178,7 +178,7 @@ class AutoSettings(Spec):
             SbrLevel(
                 tolerance_db=3.0,
                 max_phase=1.5,
-                integration_phase=0.1,
+                integration_phase=0.02,
                 edge_share=0.25,
                 sheet_share=0.08,
                 return_angle=1.1,
@@ -189,7 +189,7 @@ class AutoSettings(Spec):
             SbrLevel(
                 tolerance_db=1.0,
                 max_phase=1.0,
-                integration_phase=0.1,
+                integration_phase=0.02,
                 edge_share=0.125,
                 sheet_share=0.08,
                 return_angle=1.5,
@@ -200,7 +200,7 @@ class AutoSettings(Spec):
             SbrLevel(
                 tolerance_db=0.3,
                 max_phase=0.4,
-                integration_phase=0.05,
+                integration_phase=0.01,
                 edge_share=0.125,
                 sheet_share=0.05,
                 return_angle=2.0,
