@@ -1,6 +1,7 @@
 """What several processes that make frames at once cost each other, against one alone: the floor of an export's workers.
 
     python benchmarks/at_once.py [--part suite-highway] [--rounds 4] [--frames 4] [--threads 2 1]
+    python benchmarks/at_once.py --start        (what the start of a process takes, step by step)
 
 For each number of the engine's threads two processes are started that make the warm frames of a part of
 ``benchmarks/parts.py``, the same ones, with nothing between them. In turn the first makes them alone, then both at
@@ -29,6 +30,32 @@ from scarl_sionna.core.errors import ScarlWarning
 COLUMNS = ("cpu", "user", "system", "main", "faults", "wall")
 WARM_UP = 3
 """Frames before the first that counts: images are recorded in three of them."""
+
+START = """
+import resource, warnings
+def lap(step, before=[0.0]):
+    spent = resource.getrusage(resource.RUSAGE_SELF)
+    now = spent.ru_utime + spent.ru_stime
+    print(f"| {step} | {now - before[0]:.2f} |", flush=True)
+    before[0] = now
+warnings.simplefilter("ignore")
+import distributed
+lap("Python and Dask")
+from scarl_sionna.batch.job import make_shard
+from scarl_sionna.engine.threads import limit_threads
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.simulation import load_world, observe, resolve_rig
+lap("our imports, SciPy among them")
+limit_threads(2)
+lap("engine")
+scenario = ScenarioSpec(quality="draft", num_frames=8, name="drive")
+rig, world = resolve_rig(scenario), load_world(scenario)
+lap("scene")
+for index in range(5):
+    observe(world, rig, 0.1 * index, 0, index=index)
+    lap(f"frame {index}")
+"""
+"""What a worker of an export does until it is warm."""
 
 
 def child(part: str, threads: int, frames: int) -> None:
@@ -86,7 +113,12 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=4)
     parser.add_argument("--threads", type=int, nargs="+", default=(2, 1))
     parser.add_argument("--child", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--start", action="store_true", help="only what the start of a process takes")
     args = parser.parse_args()
+    if args.start:
+        print(machine(), "\n\n| step | CPU [s] |\n|---|---|", flush=True)
+        subprocess.run([sys.executable, "-c", START], check=True)
+        return
     if args.child is not None:
         child(args.part, args.child, args.frames)
         return
@@ -96,7 +128,10 @@ def main() -> None:
     for _ in range(args.rounds):
         for threads, pair in pairs.items():
             for group in (pair[:1], pair, pair[1:]):
-                found.setdefault((threads, len(group) == 2), []).extend(at_once(group))
+                rows = at_once(group)
+                found.setdefault((threads, len(group) == 2), []).extend(rows)
+                taken = [round(row[0], 2) for row in rows]
+                print(f"{threads} threads, {len(group)} at once: CPU {taken} s", flush=True)
     for pair in pairs.values():
         for one in pair:
             one.communicate()
