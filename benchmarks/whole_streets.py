@@ -8,7 +8,7 @@
 
 The reference is `sbr` of all coherent bodies with ways over the mirrors that `auto` found, of fields at 0.2 rad, of
 streets at 0.4 rad (at 0.2 rad within less than 30 m), with five bounces, edges cut twice as finely as by default and no
-angle of return; those of streets take minutes and are kept.
+angle of return; they take seconds to minutes and are kept.
 Counted are objects whose echo in the reference is 10 dB over the noise of a cell.
 """
 
@@ -41,8 +41,11 @@ from scarl_sionna.signal.noise import angle_cell_noise_power
 
 RESULTS = Path("docs/figures/data/whole_streets.jsonl")
 RADAR = ss.RadarSpec()
-REFERENCES = Path("docs/figures/data/street_references.jsonl")
-"""Echoes of the references of streets: take a line away where the scene has changed."""
+REFERENCES = {
+    "field": Path("docs/figures/data/field_references.jsonl"),
+    "street": Path("docs/figures/data/street_references.jsonl"),
+}
+"""Echoes of the references: take a line away where the scene or the solver has changed."""
 TOLERANCES = (6.0, 3.0, 1.0, 0.3)
 UNLIMITED = 10**9
 FINE = SbrSettings(max_phase=0.2, integration_phase=0.02, edge_share=0.0625, sheet_share=0.05, max_depth=5)
@@ -135,20 +138,19 @@ def reference(
     kind: str, seed: int, street: Street, plan: ChannelPlan, coherent: list[int]
 ) -> tuple[dict[str, float], float]:
     """Return the echo of each object 10 dB over the noise [dB], and the processor time that it took [s]."""
-    known = REFERENCES.read_text().splitlines() if kind == "street" and REFERENCES.exists() else []
+    known = REFERENCES[kind].read_text().splitlines() if REFERENCES[kind].exists() else []
     for line in map(json.loads, known):
-        if (line["seed"], line["name"], line.get("reach", WHOLE)) == (seed, street.name, street.reach):
+        if (line["seed"], line["name"], line.get("reach", REACH[kind])) == (seed, street.name, street.reach):
             return line["level_db"], line["reference_cpu"]
     start = time.process_time()
     knobs = REFERENCE["near" if street.reach < WHOLE else kind]
     truth = echoes(_by_plan(street, plan, knobs, True), coherent)
     seconds = round(time.process_time() - start, 1)
     level = {_name(street, n): round(level, 2) for n, level in truth.items() if level > 10.0}
-    if kind == "street":
-        line = {"seed": seed, "name": street.name, "reach": street.reach, "reference_cpu": seconds}
-        line |= {"level_db": level, "machine": machine()}
-        with REFERENCES.open("a") as file:
-            file.write(json.dumps(line) + "\n")
+    line = {"seed": seed, "name": street.name, "reach": street.reach, "reference_cpu": seconds}
+    line |= {"level_db": level, "machine": machine()}
+    with REFERENCES[kind].open("a") as file:
+        file.write(json.dumps(line) + "\n")
     return level, seconds
 
 
