@@ -90,6 +90,21 @@ def joined_vertices(corners: Array) -> Index:
     return number.reshape(-1, 3)
 
 
+def connected_faces(corners: Array) -> Index:
+    """Return the number of the body to which each triangle, shape (num_faces, 3, 3), belongs.
+
+    Those that have a corner in common, directly or by others, are one body.
+    """
+    if not len(corners):
+        return np.zeros(0, dtype=np.int64)
+    vertex = joined_vertices(corners)
+    face = np.repeat(np.arange(len(vertex)), 3)
+    count = len(vertex) + int(vertex.max()) + 1
+    graph = coo_array((np.ones(len(face), dtype=np.bool_), (face, len(vertex) + vertex.ravel())), shape=(count, count))
+    body = connected_components(graph, directed=False)[1][: len(vertex)]
+    return np.asarray(np.unique(body, return_inverse=True)[1], dtype=np.int64)
+
+
 def curved_surface(corners: Array, crease_angle: float, wider: float, rounded: bool = False) -> tuple[Curved, Mask]:
     """Return the curved surface for which a mesh of one part stands.
 

@@ -29,7 +29,7 @@ from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 from .faces.panes import DARK, MOST_PANES, Panes
 from .patches import PatchSize, split, too_many_patches
 from .tubes.cutting import Cut, Landing, Seen, cut_at_ends
-from .tubes.narrow import NarrowBodies
+from .tubes.narrow import MOST_FINER, NarrowBodies
 from .tubes.probes import SAME_DISTANCE
 from .tubes.returning import ComingBack, Return
 from .tubes.screens import FieldOfView, Screen, Window
@@ -392,7 +392,7 @@ class Tracer:
     def _watched(self, tubes: ImageTubes) -> ImageTubes:
         return tubes.take(np.flatnonzero(self.rx.touches(tubes.corners)))
 
-    def _spacings(self, tubes: ImageTubes, source: Array) -> tuple[Array, Array]:
+    def _spacings(self, tubes: ImageTubes, source: Array, is_way_in: bool) -> tuple[Array, Array]:
         """Return the largest distance of the rays of footprints, and the size down to which they are halved [m]."""
         ray = middle(tubes.corners) - source
         distance = np.sqrt(np.einsum("ij,ij->i", ray, ray))
@@ -401,10 +401,11 @@ class Tracer:
         wavelength = 2.0 * np.pi / self.size.wavenumber
         sheet = self.sheet[tubes.face[:, -1]]
         wide, fine = self.settings.spacings(wavelength, self.size.length(distance), sheet)
-        wide = np.where(grazing, np.inf, wide)
+        probes = np.where(grazing, np.inf, wide)
         if self.narrow is not None:
-            wide = self.narrow.spacing(self.rays, tubes.corners, source, wide)
-        return wide, np.where(grazing, np.inf, fine)
+            near = self.narrow.spacing(self.rays, tubes.corners, source, probes, is_way_in)
+            probes = np.maximum(near, wide / MOST_FINER)
+        return probes, np.where(grazing, np.inf, fine)
 
     def _seen(
         self, tubes: ImageTubes, station: Viewpoint, place: tuple[int, int]
@@ -416,7 +417,7 @@ class Tracer:
         if not len(tubes):
             return tubes
         start = station.pose.position
-        wide, fine = self._spacings(tubes, start)
+        wide, fine = self._spacings(tubes, start, is_way_in=True)
         screen = Screen(start, station.window, station.view)
         target = Seen(self.rays, screen, tubes.face[:, -1], self.panes)
         corners, rows, dark = yield Cut(place, tubes.corners, wide, fine, target, self.settings)
@@ -467,7 +468,7 @@ class Tracer:
         image = tubes.image[:, -1] - 2.0 * height[:, None] * normal
         lift = normal * np.sign(height)[:, None]
         place, rest = tubes.depth, self.settings.max_depth - tubes.depth
-        wide, fine = self._spacings(tubes, image)
+        wide, fine = self._spacings(tubes, image, is_way_in=False)
         if self._return is not None:
             kept = yield ComingBack((place, 2), self._return, tubes.corners, image, lift, wide, rest)
             tubes, image, lift, last = tubes.take(kept), image[kept], lift[kept], last[kept]

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +30,7 @@ from scarl_sionna.radar.optics.tubes.narrow import NarrowBodies
 from scarl_sionna.radar.tuned import material_frequency
 
 if TYPE_CHECKING:
-    from scarl_sionna.engine.world import WorldState
+    from scarl_sionna.engine.world import World, WorldState
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -106,7 +107,7 @@ class Bodies:
     @cached_property
     def narrow(self) -> NarrowBodies:
         """Where bodies that scatter stand, so that none slips between the probes of a tube."""
-        return NarrowBodies.of(self.faces, self.scatters)
+        return _narrow(self.state, self._parts)
 
     @cached_property
     def _parts(self) -> Index:
@@ -157,6 +158,25 @@ class Bodies:
         """The curved surfaces behind faces, None if there are none."""
         curved = self._table[1]
         return None if curved is None else DeviceCurves(self.rays, curved)
+
+
+_balls: WeakKeyDictionary[World, dict[int, NarrowBodies]] = WeakKeyDictionary()
+"""By part, in the frames of `World.mesh`."""
+
+
+def _narrow(state: WorldState, parts: Index) -> NarrowBodies:
+    """Return the bodies of parts of a state; those of a part that does not bend are found once for a world."""
+    known = _balls.setdefault(state.world, {})
+    found = []
+    for part in parts.tolist():
+        if part in state._bent:
+            balls = NarrowBodies.of_mesh(state.part_corners(part))
+        elif part in known:
+            balls = known[part]
+        else:
+            balls = known[part] = NarrowBodies.of_mesh(state.part_corners(part))
+        found.append((balls, state.part_pose(part)))
+    return NarrowBodies.of_parts(found)
 
 
 def _faces(

@@ -1,20 +1,22 @@
 """Where narrow bodies stand in the way of ray tubes, so that no tube is probed too coarsely to see them.
 
 The probes of a tube stand as far apart as its patch allows, and farther apart where the tube has spread after a
-reflection. A post or a sign between them would be missed, the mirror image of a post in a wall for instance. A tube
-that may meet a body is probed as finely as the body is wide, as seen from where the tube's rays come from.
+reflection. A post or a sign between them would be missed: the mirror image of a post in a wall, or the shadow of a
+locking bar on a lorry's door. A tube that may meet a body is probed as finely as the body is wide, as seen from where
+the tube's rays come from. A body is what hangs together in a mesh: a bar of a frame, whatever else the frame has.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.engine.device import Device
-from scarl_sionna.engine.rays.face_planes import FaceTable
+from scarl_sionna.engine.smooth.creases import connected_faces
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import DeviceArray
 
@@ -23,57 +25,89 @@ Index = npt.NDArray[np.int64]
 
 SHARE = 0.7
 """Distance of probes as a part of a body's width: a square of this side has one at least, however it is turned."""
+MOST_FINER = 6.0
+"""Probes stand closer for a body by this factor at most, so that a bolt costs no more than it can hide."""
 SLACK = 1.001
 """A ball around others is farther out than its radius by this factor at most: a guard against rounding."""
-MOST_PIECES = 32
+MOST_PIECES = 128
 """A long body is a chain of so many balls at most; a longer one is seen by tubes side by side."""
+MOST_BODIES = 4096
+"""A mesh of more bodies, leaves for instance, counts as one."""
 
 
 @dataclass(frozen=True, eq=False)
 class NarrowBodies:
-    """Balls that cover bodies.
+    """Balls that cover bodies, and balls around those, each before what it holds.
+
+    So a ball that a tube does not meet is passed with all in it.
 
     Attributes
     ----------
     center : ndarray of float64, shape (num_balls, 3)
-        [m, world].
-    radius, width : ndarray of float64, shape (num_balls,)
-        Of a ball, and the middle one of its body's three extents [m].
+        [m].
+    radius : ndarray of float64, shape (num_balls,)
+        [m].
+    width : ndarray of float64, shape (num_balls,)
+        The middle one of the body's three extents, of a ball around others the least of what is in it [m].
+    behind : ndarray of int64, shape (num_balls,)
+        The ball after all that one holds; of one that covers a body, the next one.
     """
 
     center: Array
     radius: Array
     width: Array
+    behind: Index
 
     @classmethod
-    def of(cls, faces: FaceTable, chosen: npt.NDArray[np.bool_]) -> NarrowBodies:
-        """Return the balls of the parts that have chosen faces, `chosen` (num_faces,)."""
-        rows = np.flatnonzero(chosen)
-        part, corners = faces.part[rows], faces.triangles.corners[rows]
-        order = np.argsort(part, kind="stable")
-        first = np.flatnonzero(np.diff(part[order], prepend=-1)) if len(order) else order
-        if not len(first):
-            return cls(np.zeros((0, 3)), np.zeros(0), np.zeros(0))
-        low = np.minimum.reduceat(corners.min(axis=1)[order], first)
-        high = np.maximum.reduceat(corners.max(axis=1)[order], first)
-        size = high - low
-        extents = np.sort(size, axis=1)
-        count = np.ceil(extents[:, 2] / np.maximum(2.0 * extents[:, 1], 1e-9)).astype(np.int64)
-        kept = np.flatnonzero((count <= MOST_PIECES) & (extents[:, 1] > 0.0))
-        of_piece = np.repeat(kept, count[kept])
-        number = np.arange(len(of_piece)) - np.searchsorted(of_piece, of_piece)
-        along = size[of_piece].argmax(axis=1)
-        share = np.full((len(of_piece), 3), 0.5)
-        share[np.arange(len(of_piece)), along] = (number + 0.5) / count[of_piece]
-        piece = size[of_piece]
-        piece[np.arange(len(of_piece)), along] /= count[of_piece]
-        return cls(low[of_piece] + share * size[of_piece], np.linalg.norm(piece, axis=1) / 2.0, extents[of_piece, 1])
+    def of_mesh(cls, corners: Array) -> NarrowBodies:
+        """Return the balls of the bodies of a mesh, whose triangles (num_faces, 3, 3) are in any frame [m]."""
+        label = connected_faces(corners)
+        if label.max(initial=-1) >= MOST_BODIES:
+            label = np.zeros_like(label)
+        center, radius, width = _covered(*_boxes(corners, label))
+        rows = [slice(k, k + 1) for k in range(len(radius))]
+        return cls._tree([cls(center[k], radius[k], width[k], np.ones(1, dtype=np.int64)) for k in rows])
 
-    @cached_property
-    def _tree(self) -> _Tree:
-        return _Tree.of(self)
+    @classmethod
+    def of_parts(cls, parts: Sequence[tuple[NarrowBodies, Pose]]) -> NarrowBodies:
+        """Return the balls of meshes at their poses, `world_from_mesh`."""
+        placed = [cls(pose.apply(part.center), part.radius, part.width, part.behind) for part, pose in parts]
+        return cls._tree([part for part in placed if len(part.radius)])
 
-    def spacing(self, on: Device, corners: Array, source: Array, wide: Array) -> Array:
+    @classmethod
+    def _tree(cls, trees: list[NarrowBodies]) -> NarrowBodies:
+        """Return one tree of some: halves along the longest side of the box of their centres."""
+        if not trees:
+            return cls(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))
+        centers = np.array([tree.center[0] for tree in trees])
+        radii = np.array([tree.radius[0] for tree in trees])
+        widths = np.array([tree.width.min() for tree in trees])
+        found: list[NarrowBodies] = []
+        total = 0
+
+        def add(rows: Index) -> None:
+            nonlocal total
+            if len(rows) == 1:
+                tree = trees[rows[0]]
+                found.append(cls(tree.center, tree.radius, tree.width, tree.behind + total))
+                total += len(tree.radius)
+                return
+            places, number = centers[rows], len(found)
+            low, high = places.min(axis=0), places.max(axis=0)
+            middle = (low + high) / 2.0
+            radius = SLACK * (np.sqrt(((places - middle) ** 2).sum(axis=1)) + radii[rows]).max()
+            node = cls(middle[None], np.array([radius]), np.array([widths[rows].min()]), np.zeros(1, dtype=np.int64))
+            found.append(node)
+            total += 1
+            order = rows[np.argsort(places[:, (high - low).argmax()], kind="stable")]
+            add(order[: len(rows) // 2])
+            add(order[len(rows) // 2 :])
+            found[number].behind[0] = total
+
+        add(np.arange(len(trees)))
+        return cls(*(np.concatenate(column) for column in zip(*(vars(tree).values() for tree in found), strict=True)))
+
+    def spacing(self, on: Device, corners: Array, source: Array, wide: Array, is_way_in: bool) -> Array:
         """Return the largest distance of the probes of tubes, so fine that each body that a tube may meet is probed.
 
         Parameters
@@ -85,6 +119,9 @@ class NarrowBodies:
             Where the rays come from [m].
         wide : ndarray of float64, shape (n,)
             Largest distance without bodies [m].
+        is_way_in : bool
+            Bodies between the source and the footprint, else those that the rays meet behind it: a reflected tube
+            comes from an image behind its footprint.
 
         Returns
         -------
@@ -92,7 +129,7 @@ class NarrowBodies:
         """
         if not len(self.center) or not len(corners):
             return wide
-        dr, mi, tree = on.dr, on.mi, self._tree
+        dr, mi = on.dr, on.mi
         corner = on.corners(corners)
         center = (corner[0] + corner[1] + corner[2]) / 3.0
         reach = dr.maximum(
@@ -102,20 +139,27 @@ class NarrowBodies:
         axis = center - start
         distance = dr.norm(axis)
         axis /= distance
-        centers, radii, widths = on.reals(tree.center), on.reals(tree.radius), on.reals(tree.width)
-        behind = on.index(tree.behind)
-        count = dr.opaque(mi.UInt32, len(tree.behind))
+        side = dr.normalize(dr.cross(corner[1] - corner[0], corner[2] - corner[0]))
+        side = dr.select((dr.dot(side, axis) < 0.0) == is_way_in, side, -side)  # on which the rays run
+        centers, radii, widths = on.reals(self.center), on.reals(self.radius), on.reals(self.width)
+        behind = on.index(self.behind)
+        count = dr.opaque(mi.UInt32, len(self.behind))
         limit = on.reals(wide)
 
         def step(number: DeviceArray, found: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
             radius, beyond = dr.gather(on.Real, radii, number), dr.gather(mi.UInt32, behind, number)
             is_ball = beyond == number + 1
             around = dr.select(is_ball, 0.0, SLACK * radius)
-            way = dr.gather(on.Vector, centers, number) - start
+            place = dr.gather(on.Vector, centers, number)
+            way = place - start
             away, ahead = dr.norm(way), dr.dot(way, axis)
             beside = dr.sqrt(dr.maximum(away * away - ahead * ahead, 0.0))
             meets = (ahead > -radius) & (beside <= radius + reach / distance * (away + around))
-            meets &= away + radius > distance - reach  # the tube begins at its footprint
+            if is_way_in:
+                meets &= away - radius < distance + reach
+            else:
+                meets &= away + radius > distance - reach
+            meets &= dr.dot(place - center, side) > -radius
             wanted = SHARE * dr.gather(on.Real, widths, number) * distance / dr.maximum(away + around, 1e-9)
             meets &= wanted < found
             return dr.select(is_ball | meets, number + 1, beyond), dr.select(is_ball & meets, wanted, found)
@@ -126,47 +170,42 @@ class NarrowBodies:
             return np.asarray(found.numpy(), dtype=np.float64)
 
 
-@dataclass(frozen=True, eq=False)
-class _Tree:
-    """Balls around balls, each before what it holds, so that one that a tube does not meet is passed with all in it.
+def _boxes(corners: Array, label: Index) -> tuple[Array, Array, Array]:
+    """Return boxes of bodies: middle (n, 3), sides (n, 3) and their directions (n, 3, 3), as rows.
 
-    Attributes
-    ----------
-    center, radius : ndarray of float64, shape (num_nodes, 3) and (num_nodes,)
-        [m, world].
-    width : ndarray of float64, shape (num_nodes,)
-        The least of the bodies in it [m].
-    behind : ndarray of uint32, shape (num_nodes,)
-        The node after all that one holds; of a single ball, the next one.
+    Of the box along the frame and that along the principal axes of the corners, the one that is less wide.
     """
+    points, owner = corners.reshape(-1, 3), np.repeat(label, 3)
+    order = np.argsort(owner, kind="stable")
+    points, owner = points[order], owner[order]
+    first = np.flatnonzero(np.diff(owner, prepend=-1))
+    number = np.diff(first, append=len(owner))[:, None]
+    mean = np.add.reduceat(points, first) / number
+    away = points - mean[owner]
+    spread = np.add.reduceat(away[:, :, None] * away[:, None, :], first)
+    frames = np.broadcast_to(np.eye(3), spread.shape), np.swapaxes(np.linalg.eigh(spread)[1], 1, 2)
+    found = []
+    for axes in frames:
+        local = np.einsum("nij,nj->ni", axes[owner], away)
+        low, high = np.minimum.reduceat(local, first), np.maximum.reduceat(local, first)
+        middle = mean + np.einsum("ni,nij->nj", 0.5 * (low + high), axes)
+        found.append((middle, high - low, axes))
+    width = [np.sort(size, axis=1)[:, 1] for _, size, _ in found]
+    turned = width[1] < 0.999 * width[0]
+    along, across = found
+    return tuple(np.where(turned[(...,) + (None,) * (a.ndim - 1)], b, a) for a, b in zip(along, across, strict=True))
 
-    center: Array
-    radius: Array
-    width: Array
-    behind: npt.NDArray[np.uint32]
 
-    @classmethod
-    def of(cls, balls: NarrowBodies) -> _Tree:
-        """Return the tree of at least one ball: halves along the longest side of the box of the centres."""
-        center: list[Array] = []
-        radius: list[float] = []
-        width: list[float] = []
-        behind: list[int] = []
-
-        def add(rows: Index) -> None:
-            number, places = len(behind), balls.center[rows]
-            low, high = places.min(axis=0), places.max(axis=0)
-            middle = (low + high) / 2.0
-            center.append(middle)
-            radius.append(float((np.linalg.norm(places - middle, axis=1) + balls.radius[rows]).max()))
-            width.append(float(balls.width[rows].min()))
-            behind.append(number + 1)
-            if len(rows) > 1:
-                radius[-1] *= SLACK
-                order = rows[np.argsort(places[:, (high - low).argmax()], kind="stable")]
-                add(order[: len(rows) // 2])
-                add(order[len(rows) // 2 :])
-                behind[number] = len(behind)
-
-        add(np.arange(len(balls.center)))
-        return cls(np.array(center), np.array(radius), np.array(width), np.array(behind, dtype=np.uint32))
+def _covered(middle: Array, size: Array, axes: Array) -> tuple[Array, Array, Array]:
+    """Return the balls of boxes: centres, radii, and widths of their boxes [m]."""
+    extents = np.sort(size, axis=1)
+    count = np.ceil(extents[:, 2] / np.maximum(2.0 * extents[:, 1], 1e-9)).astype(np.int64)
+    kept = np.flatnonzero((count <= MOST_PIECES) & (extents[:, 1] > 0.0))
+    of_piece = np.repeat(kept, count[kept])
+    number = np.arange(len(of_piece)) - np.searchsorted(of_piece, of_piece)
+    along, row = size[of_piece].argmax(axis=1), np.arange(len(of_piece))
+    share = (number + 0.5) / count[of_piece] - 0.5
+    piece = size[of_piece]
+    center = middle[of_piece] + (share * piece[row, along])[:, None] * axes[of_piece, along]
+    piece[row, along] /= count[of_piece]
+    return center, np.linalg.norm(piece, axis=1) / 2.0, extents[of_piece, 1]

@@ -1,0 +1,83 @@
+"""Bodies of meshes, and how finely tubes are probed for them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.engine.device import device
+from scarl_sionna.engine.smooth.creases import connected_faces
+from scarl_sionna.radar.optics.tubes.narrow import MOST_BODIES, SHARE, NarrowBodies
+from tests.scenes import box
+
+BAR = box((0.03, 0.03, 2.5), (0.0, 0.0, 0.0))
+
+
+def _widths(bodies: NarrowBodies) -> list[float]:
+    single = bodies.behind == np.arange(len(bodies.behind)) + 1
+    return np.unique(bodies.width[single].round(6)).tolist()
+
+
+def _spacing(bodies: NarrowBodies, x: float, y: float, is_way_in: bool) -> float:
+    """Return the distance of probes of a footprint 0.2 m wide, lit from the origin, a metre apart unless said."""
+    footprint = np.array([[[x, y, 0.0], [x, y + 0.2, 0.0], [x, y, 0.2]]])
+    source = np.zeros(3) if is_way_in else np.array([2.0 * x, 0.0, 0.0])
+    with device("radio") as on:
+        return float(bodies.spacing(on, footprint, source, np.ones(1), is_way_in)[0])
+
+
+def test_what_hangs_together_is_a_body() -> None:
+    mesh = trimesh.util.concatenate([BAR, box((1.0, 1.0, 1.0), (2.0, 0.0, 0.0))])
+    label = connected_faces(np.asarray(mesh.triangles))
+    assert len(set(label[:12])) == len(set(label[12:])) == 1
+    assert label[0] != label[12]
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (1, 1, 0)])
+def test_a_bar_is_as_wide_as_it_is_however_it_is_turned(axis: tuple[int, int, int]) -> None:
+    mesh = BAR.copy()
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(0.7, axis))
+    mesh = trimesh.util.concatenate([mesh, box((1.0, 1.5, 2.0), (5.0, 0.0, 0.0))])
+    bar, other = _widths(NarrowBodies.of_mesh(np.asarray(mesh.triangles)))
+    assert 0.03 <= bar <= 0.03 * np.sqrt(2.0)  # a square has no principal axes: up to its diagonal
+    assert other == pytest.approx(1.5)
+
+
+def test_balls_hold_what_is_in_them() -> None:
+    places = np.random.default_rng(1).uniform(-5.0, 5.0, (40, 3))
+    mesh = trimesh.util.concatenate([box((0.1, 0.2, 0.5), place) for place in places])
+    pose = Pose.from_euler([3.0, 2.0, 1.0], yaw=0.4)
+    bodies = NarrowBodies.of_parts([(NarrowBodies.of_mesh(np.asarray(mesh.triangles)), pose)] * 2)
+    single = np.flatnonzero(bodies.behind == np.arange(len(bodies.behind)) + 1)
+    for number, behind in enumerate(bodies.behind):
+        held = single[(single >= number) & (single < behind)]
+        away = np.linalg.norm(bodies.center[held] - bodies.center[number], axis=1)
+        assert (away + bodies.radius[held] <= bodies.radius[number] * (1.0 + 1e-12)).all()
+        assert bodies.width[number] == bodies.width[held].min()
+    points = pose.apply(np.asarray(mesh.vertices))
+    away = np.linalg.norm(points[:, None] - bodies.center[single], axis=2)
+    assert (away <= bodies.radius[single] * (1.0 + 1e-9)).any(axis=1).all()
+
+
+def test_probes_are_as_fine_as_the_shadow_of_a_bar() -> None:
+    bar = NarrowBodies.of_parts([(NarrowBodies.of_mesh(np.asarray(BAR.triangles)), Pose([5.0, 0.1, 0.0]))])
+    assert _spacing(bar, 20.0, 0.3, is_way_in=True) == pytest.approx(SHARE * 0.03 * 4.0, rel=0.01)
+    assert _spacing(bar, 20.0, 3.0, is_way_in=True) == 1.0  # beside it
+    assert _spacing(bar, 4.0, 0.0, is_way_in=True) == 1.0  # before it
+    assert _spacing(bar, 4.0, 0.0, is_way_in=False) == 1.0  # behind the face that reflects
+    assert _spacing(bar, 8.0, 0.0, is_way_in=False) == pytest.approx(SHARE * 0.03 * 8.0 / 11.0, rel=0.01)
+
+
+def test_leaves_count_as_one_body() -> None:
+    leaf = np.array([[[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]]])
+    leaves = np.concatenate([leaf + [0.0, 0.0, 0.2 * k] for k in range(MOST_BODIES + 1)])
+    assert len(NarrowBodies.of_mesh(leaves).radius) <= 1
+    assert len(_widths(NarrowBodies.of_mesh(leaves[:50]))) == 1
+
+
+def test_no_bodies() -> None:
+    nothing = NarrowBodies.of_parts([])
+    assert _spacing(nothing, 20.0, 0.0, is_way_in=True) == 1.0
+    assert not len(NarrowBodies.of_mesh(np.zeros((0, 3, 3))).radius)
