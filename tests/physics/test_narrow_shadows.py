@@ -37,4 +37,5 @@ def test_shadows_of_bars_of_one_mesh(tmp_path: Path, turn_deg: float) -> None:
     knobs = SbrSettings(max_phase=1.0, integration_phase=0.05, max_depth=1)
     fine = _power(state, knobs.with_(ray_spacing=2.5, edge_spacing=2.5))
     for max_phase in (1.5, 1.0, 0.4):
-        assert _power(state, knobs.with_(max_phase=max_phase)) == pytest.approx(fine, abs=0.5), max_phase
+        coarse = knobs.with_(max_phase=max_phase, edge_share=0.25)
+        assert _power(state, coarse) == pytest.approx(fine, abs=0.6), max_phase

@@ -405,6 +405,7 @@ class Tracer:
         if self.narrow is not None:
             near = self.narrow.spacing(self.rays, tubes.corners, source, probes, is_way_in)
             probes = np.maximum(near, wide / MOST_FINER)
+            fine = np.minimum(fine, probes)  # a larger tube may have a bar across, which one cut does not cut out
         return probes, np.where(grazing, np.inf, fine)
 
     def _seen(
