@@ -220,8 +220,9 @@ def solve(seed: int, budget: int) -> dict[str, Any]:
 
 def report(lines: list[dict[str, Any]]) -> str:
     """Return the markdown of the results."""
+    seeds = ", ".join(str(line["seed"]) for line in lines)
     text = [
-        f"`python benchmarks/jumps.py 0:{len(lines)}`, tolerance {TOLERANCE:g} dB, within {REACH:g} m, "
+        f"`python benchmarks/jumps.py SEED:SEED+1`, seeds {seeds}, tolerance {TOLERANCE:g} dB, within {REACH:g} m, "
         f"{lines[-1]['machine']}.",
         "",
         "| place | move | changes of plan in 1,000 steps | echoes 10 dB over the noise that they touch | of them above "
