@@ -196,6 +196,11 @@ def _local_client(distributed: ModuleType, count: int) -> Iterator[Client]:
         "distributed.deploy.lost-worker-timeout": "1h",
         "distributed.scheduler.no-workers-timeout": f"{RESTART_SECONDS:g}s",
         "distributed.worker.profile.enabled": False,  # a hundred looks a second at the stacks of all threads
+        # what Dask does while it waits for shards, which take minutes; docs/performance.md, export
+        "distributed.admin.tick.interval": "1s",
+        "distributed.admin.tick.limit": "60s",
+        "distributed.admin.system-monitor.interval": "10s",
+        "distributed.scheduler.work-stealing-interval": "2s",
     }
     with dask.config.set(settings), _muted(), ExitStack() as opened:
         try:
