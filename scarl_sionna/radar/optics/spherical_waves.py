@@ -35,7 +35,7 @@ from .tubes.returning import ComingBack, Return
 from .tubes.screens import FieldOfView, Screen, Window
 from .tubes.together import Question, Tracing, together
 from .tubes.trace import GRAZING, Tubes, face_of_plane, landing
-from .tubes.tube_shape import middle
+from .tubes.tube_shape import middle, sides_and_height
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -46,6 +46,9 @@ _COARSE = 16.0
 patches. Bounds the memory, decides no accuracy."""
 _BEHIND = 1e-6
 """A tube may land this part of its length before its footprint: the rounding of faces that touch."""
+_OVERRUN = 0.05
+"""The same as a part of the tube's size: cuts at the edge of a face that the next one touches reach over it by up to
+their own accuracy and the inset of the probes, of tubes that were larger before they were cut."""
 WIDE_FACE = 0.5
 """Faces that look wider than this [rad] are never sorted out before they are cut into patches, which are tested alone:
 decides the time, not the accuracy."""
@@ -491,10 +494,10 @@ class Tracer:
         ray = corners - source[:, None]
         share, slope = landing(corners, ray, normal, offset)
         length = np.sqrt(np.einsum("nij,nij->ni", ray, ray))
+        slack = _BEHIND * length + _OVERRUN * sides_and_height(corners)[0][:, None]
         with np.errstate(invalid="ignore"):
-            ahead = (
-                (share >= -_BEHIND) & (length * (1.0 + share) < 2.0 * self.reach) & (np.abs(slope) > GRAZING * length)
-            )
+            ahead = (share * length >= -slack) & (np.abs(slope) > GRAZING * length)
+            ahead &= length * (1.0 + share) < 2.0 * self.reach
         kept = ahead.all(axis=1)
         landed = corners[kept] + share[kept, :, None] * ray[kept]
         chain = np.concatenate([tubes.face[rows[kept]], face[kept, None]], axis=1)
