@@ -9,7 +9,6 @@ import scarl_sionna as ss
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.engine.device import device
 from scarl_sionna.engine.load import load_scene
-from scarl_sionna.engine.rays.face_planes import face_table
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.optics.tubes import narrow
 from tests.scenes import Thing, box, write_scene
@@ -43,53 +42,59 @@ def seen_in_wall(state, knobs: SbrSettings) -> float:
 @pytest.mark.parametrize("place", [-0.31, 0.0, 0.47])
 def test_a_post_is_found_in_a_wall_by_coarse_tubes(tmp_path, width: float, place: float) -> None:
     state = scene(tmp_path, width, place)
-    wanted = seen_in_wall(state, COARSE.with_(ray_spacing=5.0))  # a probe every 2 cm of the wall
+    wanted = seen_in_wall(
+        state, COARSE.with_(ray_spacing=2.5, edge_spacing=2.5)
+    )  # a probe every centimetre of the wall
     assert wanted > -200.0
-    assert seen_in_wall(state, COARSE) == pytest.approx(wanted, abs=0.3)
+    assert seen_in_wall(state, COARSE.with_(edge_share=0.03)) == pytest.approx(wanted, abs=0.5)
 
 
 def test_without_its_balls_it_is_missed_or_found_in_part(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(narrow.NarrowBodies, "spacing", lambda self, on, corners, source, wide: wide)
+    monkeypatch.setattr(narrow.NarrowBodies, "spacing", lambda self, on, corners, source, wide, is_way_in: wide)
     errors = []
     for number, place in enumerate((-0.31, 0.0, 0.47)):
         state = scene(tmp_path / str(number), 0.04, place)
-        errors.append(seen_in_wall(state, COARSE) - seen_in_wall(state, COARSE.with_(ray_spacing=5.0)))
+        knobs = COARSE.with_(edge_share=0.03)
+        errors.append(seen_in_wall(state, knobs) - seen_in_wall(state, knobs.with_(ray_spacing=5.0)))
     assert np.abs(errors).max() > 1.0, errors
 
 
 def test_balls_cover_their_body(tmp_path) -> None:
     state = scene(tmp_path, 0.1, 0.0)
-    faces = face_table(state)
-    numbers = state.world.parts.instance[faces.part]
     post = next(number for number, info in state.world.instances.items() if info.name == "post")
-    balls = narrow.NarrowBodies.of(faces, numbers == post)
-    points = faces.triangles.corners[numbers == post].reshape(-1, 3)
-    inside = np.linalg.norm(points[:, None] - balls.center, axis=2) <= balls.radius * (1.0 + 1e-9)
-    assert inside.any(axis=1).all()
+    points = np.concatenate([state.part_corners(part) for part in state.world.instances[post].parts])
+    balls = narrow.NarrowBodies.of_mesh(points)
+    single = balls.behind == np.arange(len(balls.behind)) + 1
+    away = np.linalg.norm(points.reshape(-1, 1, 3) - balls.center[single], axis=2)
+    assert (away <= balls.radius[single] * (1.0 + 1e-9)).any(axis=1).all()
     assert balls.width == pytest.approx(0.1, rel=1e-5)
-    assert len(balls.center) == 5 and balls.radius.max() < 0.13
+    assert single.sum() == 5 and balls.radius[single].max() < 0.13
 
 
 @pytest.mark.parametrize(("seed", "num_balls"), [(0, 1), (1, 2), (2, 17), (3, 400)])
 def test_the_tree_of_balls_gives_what_all_balls_give(seed: int, num_balls: int) -> None:
     """Against every ball by NumPy, with bodies beside, behind and around the tubes."""
     rng = np.random.default_rng(seed)
-    balls = narrow.NarrowBodies(
-        rng.uniform(-40.0, 40.0, (num_balls, 3)),
-        rng.uniform(0.05, 3.0, num_balls),
-        rng.uniform(0.02, 2.0, num_balls),
-    )
+    center = rng.uniform(-40.0, 40.0, (num_balls, 3))
+    radius, width = rng.uniform(0.05, 3.0, num_balls), rng.uniform(0.02, 2.0, num_balls)
+    one = np.ones(1, dtype=np.int64)
+    rows = [slice(k, k + 1) for k in range(num_balls)]
+    parts = [narrow.NarrowBodies(center[k], radius[k], width[k], one) for k in rows]
+    balls = narrow.NarrowBodies.of_parts([(part, ss.Pose()) for part in parts])
     corners = rng.uniform(-20.0, 20.0, (3000, 1, 3)) + rng.normal(0.0, 0.3, (3000, 3, 3))
     source, wide = rng.uniform(-30.0, 30.0, (3000, 3)), rng.choice([0.05, 0.4, np.inf], 3000)
-    with device() as on:
-        found = balls.spacing(on, corners, source, wide)
-        from_one = balls.spacing(on, corners, source[0], wide)
-    assert found == pytest.approx(of_all_balls(balls, corners, source, wide), rel=1e-12)
-    assert from_one == pytest.approx(of_all_balls(balls, corners, source[:1], wide), rel=1e-12)
-    assert num_balls < 3 or (found < wide).any()
+    for is_way_in in (True, False):
+        with device() as on:
+            found = balls.spacing(on, corners, source, wide, is_way_in)
+            from_one = balls.spacing(on, corners, source[0], wide, is_way_in)
+        assert found == pytest.approx(of_all_balls(balls, corners, source, wide, is_way_in), rel=1e-12)
+        assert from_one == pytest.approx(of_all_balls(balls, corners, source[:1], wide, is_way_in), rel=1e-12)
+        assert num_balls < 3 or (found < wide).any()
 
 
-def of_all_balls(balls: narrow.NarrowBodies, corners, source, wide) -> np.ndarray:
+def of_all_balls(tree: narrow.NarrowBodies, corners, source, wide, is_way_in: bool) -> np.ndarray:
+    single = tree.behind == np.arange(len(tree.behind)) + 1
+    balls = narrow.NarrowBodies(*(column[single] for column in vars(tree).values()))
     center = corners.mean(axis=1)
     reach = np.linalg.norm(corners - center[:, None], axis=2).max(axis=1)
     axis = center - source
@@ -98,6 +103,13 @@ def of_all_balls(balls: narrow.NarrowBodies, corners, source, wide) -> np.ndarra
     away, ahead = np.linalg.norm(way, axis=2), np.einsum("nbi,ni->nb", way, axis / distance[:, None])
     beside = np.sqrt(np.maximum(away**2 - ahead**2, 0.0))
     meets = (ahead > -balls.radius) & (beside <= balls.radius + (reach / distance)[:, None] * away)
-    meets &= away + balls.radius > (distance - reach)[:, None]
+    if is_way_in:
+        meets &= away - balls.radius < (distance + reach)[:, None]
+    else:
+        meets &= away + balls.radius > (distance - reach)[:, None]
+    side = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    side /= np.linalg.norm(side, axis=1)[:, None]
+    side *= np.where((np.einsum("ni,ni->n", side, axis) < 0.0) == is_way_in, 1.0, -1.0)[:, None]
+    meets &= np.einsum("nbi,ni->nb", balls.center - center[:, None], side) > -balls.radius
     wanted = np.where(meets, narrow.SHARE * balls.width * distance[:, None] / away, np.inf)
     return np.minimum(wide, wanted.min(axis=1))

@@ -36,6 +36,6 @@ def test_shadows_of_bars_of_one_mesh(tmp_path: Path, turn_deg: float) -> None:
     state = ss.load_scene(write_scene(tmp_path, things)).at(0.0)
     knobs = SbrSettings(max_phase=1.0, integration_phase=0.05, max_depth=1)
     fine = _power(state, knobs.with_(ray_spacing=2.5, edge_spacing=2.5))
-    for max_phase in (1.5, 1.0, 0.4):
+    for max_phase in (3.0, 1.5, 1.0, 0.4):
         coarse = knobs.with_(max_phase=max_phase, edge_share=0.25)
-        assert _power(state, coarse) == pytest.approx(fine, abs=0.6), max_phase
+        assert _power(state, coarse) == pytest.approx(fine, abs=0.4), max_phase

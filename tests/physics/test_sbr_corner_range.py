@@ -26,11 +26,11 @@ def test_random_corners_against_the_far_field(tmp_path, number: int) -> None:
 
 
 def test_it_is_the_sheets_that_do_it(tmp_path) -> None:
-    """The worst of the sixty at 250 m: 3 dB short where rays follow the patches alone."""
+    """The worst of the sixty at 250 m: a decibel short where rays follow the patches alone."""
     leg, aspect, distance = max(
         (case for case in cases(60) if case[2] == 250.0), key=lambda case: abs(_error(tmp_path, *case, coarse=True))
     )
-    assert abs(_error(tmp_path, leg, aspect, distance, coarse=True)) > 2.0
+    assert abs(_error(tmp_path, leg, aspect, distance, coarse=True)) > 0.8
     assert abs(_error(tmp_path, leg, aspect, distance, coarse=False)) < BAR_DB
 
 

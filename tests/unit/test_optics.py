@@ -251,7 +251,7 @@ def test_grazed_footprints_are_not_cut_along_edges(given_in_wavelengths) -> None
             np.arange(6),
             *np.full((2, 6, 4), -1),
         )
-        found = tracer._spacings(tubes, source)
+        found = tracer._spacings(tubes, source, is_way_in=True)
         length = np.sqrt(4.0 * size.max_phase * distance / size.wavenumber)
         wide, fine = settings.ray_share * length, settings.edge_share * length
         if given_in_wavelengths:

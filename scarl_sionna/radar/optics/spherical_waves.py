@@ -407,8 +407,10 @@ class Tracer:
         probes = np.where(grazing, np.inf, wide)
         if self.narrow is not None:
             near = self.narrow.spacing(self.rays, tubes.corners, source, probes, is_way_in)
-            probes = np.maximum(near, wide / MOST_FINER)
-            fine = np.minimum(fine, probes)  # a larger tube may have a bar across, which one cut does not cut out
+            finer = np.maximum(near, wide / MOST_FINER)
+            # a larger tube may have a bar across, which one cut does not cut out
+            fine = np.where(near < probes, np.minimum(fine, finer), fine)
+            probes = np.where(near < probes, finer, probes)
         return probes, np.where(grazing, np.inf, fine)
 
     def _seen(
