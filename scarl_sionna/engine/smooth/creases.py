@@ -101,8 +101,7 @@ def connected_faces(corners: Array) -> Index:
     face = np.repeat(np.arange(len(vertex)), 3)
     count = len(vertex) + int(vertex.max()) + 1
     graph = coo_array((np.ones(len(face), dtype=np.bool_), (face, len(vertex) + vertex.ravel())), shape=(count, count))
-    body = connected_components(graph, directed=False)[1][: len(vertex)]
-    return np.asarray(np.unique(body, return_inverse=True)[1], dtype=np.int64)
+    return np.asarray(connected_components(graph, directed=False)[1][: len(vertex)], dtype=np.int64)
 
 
 def curved_surface(corners: Array, crease_angle: float, wider: float, rounded: bool = False) -> tuple[Curved, Mask]:

@@ -81,7 +81,7 @@ class NarrowBodies:
             return cls(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))
         centers = np.array([tree.center[0] for tree in trees])
         radii = np.array([tree.radius[0] for tree in trees])
-        widths = np.array([tree.width.min() for tree in trees])
+        widths = np.array([tree.width[0] for tree in trees])
         found: list[NarrowBodies] = []
         total = 0
 
