@@ -21,6 +21,7 @@ from hypothesis import settings
 
 from scarl_sionna.engine.memory import forget_peak, release_memory, resident_bytes, share_heaps
 from tests import own_process
+from tests.helper_process import HelperProcess
 
 share_heaps()  # a worker would come to hold 1.4 GB of freed memory at the ends of its threads' heaps
 gc.disable()  # until all tests are collected: nothing of them goes before the end, and looking for it takes seconds
@@ -34,12 +35,12 @@ settings.load_profile("ci" if os.environ.get("CI") else "here")
 GOAL_MEMORY, MOST_MEMORY = 1.5e9, 2e9
 """Bytes that a process of the tests should take at most, and those above which a session fails. A world that a module
 keeps too long, or a cache without a bound, shows here first."""
-MUCH_MEMORY, MORE_MEMORY = 0.6e9, 0.1e9
+MUCH_MEMORY, MORE_MEMORY = 0.01e9, 0.1e9
 """A process with more than the first gives back what it no longer uses whenever it has grown by the second; the engine
 takes 0.3 GB, TensorFlow 0.5 GB more."""
-FULL_MEMORY = 1.2e9
-"""A process that holds more than this after giving back starts the tests of a further file in another process: what
-compiled kernels, modules and a scattered heap take grows with the number of files."""
+FULL_MEMORY = 1.0
+"""A process that holds more than this after giving back lets another one run the tests of further files: what compiled
+kernels, modules and a scattered heap take grows with the number of files."""
 PEAKS = pytest.StashKey[dict[str, int]]()
 """Peak of each file's tests [bytes]."""
 
@@ -50,6 +51,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[PEAKS] = {}
+    _Memory.peaks.clear()  # what ran before in this process is another run
+    _Memory.file = ""
     if config.pluginmanager.hasplugin("xdist"):
         config.pluginmanager.register(_Workers(config.stash[PEAKS]))
 
@@ -105,7 +108,7 @@ def pytest_runtest_logstart(nodeid: str) -> None:
                 job._world.cache_clear()  # an export keeps two worlds for its next shard
             _give_back()
             if _Memory.after_release > FULL_MEMORY and _Memory.session is not None:
-                own_process.send_all_away(*_rest_of(file, _Memory.session))
+                own_process.send_to(_Memory.helper, *_rest_of(file, _Memory.session))
         forget_peak()
     _Memory.file = file
 
@@ -145,12 +148,13 @@ def _note_peak() -> None:
 
 
 class _Memory:
-    """The session, the file whose tests run, memory held after the last giving back [bytes], the peaks."""
+    """The session, the file whose tests run, memory held after the last giving back [bytes], the peaks, who helps."""
 
     session: ClassVar[pytest.Session | None] = None
     file = ""
     after_release = 0
     peaks: ClassVar[dict[str, int]] = {}
+    helper: ClassVar[HelperProcess] = HelperProcess(1.2e9)
 
 
 def merge(peaks: dict[str, int], others: dict[str, int]) -> None:

@@ -1,7 +1,8 @@
 """Tests marked `own_process` run in a process of their own and are reported where they stand.
 
 There is one for all of a file, or for all of a file whose marks have the same argument: `own_process("first")`. So do
-all tests of a file that starts when the process already holds much (`conftest.FULL_MEMORY`).
+all tests of a file that starts when the process already holds much (`conftest.FULL_MEMORY`), but in one process for
+one such file after another (`helper_process`).
 
 TensorFlow stays in a process for ever and takes 0.5 GB; with it and a detailed scene a worker would pass the goal of
 1.5 GB.
@@ -14,14 +15,15 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
 
 from tests.children import with_parent
+from tests.helper_process import REPO, HelperProcess
 
-REPO = Path(__file__).resolve().parents[1]
 RESULTS = "SCARL_TEST_RESULTS"
 """Environment variable of such a process: the file to which it writes a line for each finished part of a test."""
 
@@ -35,16 +37,24 @@ _outcomes: dict[str, dict[str, tuple[str, str]]] = {}
 
 def send_away(items: list[pytest.Item], options: list[str]) -> None:
     """Let marked tests take their outcome from the other process, which starts with the first of a file."""
-    send_all_away([item for item in items if "own_process" in item.keywords], options)
+    _send([item for item in items if "own_process" in item.keywords], options, _end_of_own)
 
 
-def send_all_away(items: list[pytest.Item], options: list[str]) -> None:
-    """Let these tests, but those that are skipped, take their outcome from another process, marked or not."""
+def send_to(helper: HelperProcess, items: list[pytest.Item], options: list[str]) -> None:
+    """Let these tests take their outcome from a process that has run those of other files."""
+    _send(items, options, helper.run)
+
+
+Run = Callable[[list[str], dict[str, str], Path], str]
+"""Runs pytest with arguments and variables of the environment and returns how it ended; what it prints is in a file."""
+
+
+def _send(items: list[pytest.Item], options: list[str], run: Run) -> None:
     sent = [item for item in items if not any(item.iter_markers("skip"))]
     for item in sent if RESULTS not in os.environ else ():
         together = [other.nodeid for other in sent if _group(other) == _group(item)]
         item.fixturenames = []  # type: ignore[attr-defined]  # a new list: other cases of the function share the old one
-        item.runtest = partial(_take_outcome, item.nodeid, together, options)  # type: ignore[method-assign]
+        item.runtest = partial(_take_outcome, item.nodeid, together, options, run)  # type: ignore[method-assign]
 
 
 def _group(item: pytest.Item) -> tuple[object, ...]:
@@ -66,10 +76,10 @@ def write_peak(peak: int) -> None:
         file.write(json.dumps(["", "peak", str(peak)]) + "\n")
 
 
-def _take_outcome(nodeid: str, together: list[str], options: list[str]) -> None:
+def _take_outcome(nodeid: str, together: list[str], options: list[str], run: Run) -> None:
     first = together[0]
     if first not in _outcomes:
-        _outcomes[first] = _run(together, options)
+        _outcomes[first] = _outcomes_of(together, options, run)
     outcome, text = _outcomes[first].get(nodeid, ("failed", _outcomes[first][""][1]))
     if outcome == "skipped":
         pytest.skip(text)
@@ -77,26 +87,27 @@ def _take_outcome(nodeid: str, together: list[str], options: list[str]) -> None:
         pytest.fail(text, pytrace=False)
 
 
-def _run(nodeids: list[str], options: list[str]) -> dict[str, tuple[str, str]]:
-    """Return outcome and text of each test; under the empty name the end of what the process printed."""
-    with tempfile.TemporaryDirectory() as folder:
-        results = Path(folder) / "results"
-        results.touch()
+def _end_of_own(arguments: list[str], environment: dict[str, str], printed: Path) -> str:
+    with printed.open("w") as output:
         done = subprocess.run(
-            [sys.executable, "-m", "pytest", "-q", *WITHOUT, *options, *nodeids],
+            [sys.executable, "-m", "pytest", *arguments],
             cwd=REPO,
-            env={**os.environ, RESULTS: str(results)},
-            capture_output=True,
-            text=True,
+            env={**os.environ, **environment},
+            stdout=output,
+            stderr=subprocess.STDOUT,
             check=False,
             **with_parent(),
         )
-        lines = (done.stdout + done.stderr).splitlines()
-        # after a crash Python names all compiled modules, in a line that is longer than where it happened
-        lines = [line for line in lines if not line.startswith("Extension modules: ")]
-        crash = next((k for k, line in enumerate(lines) if "Fatal Python error" in line), None)
-        printed = "\n".join(lines)[-4000:] if crash is None else "\n".join(lines[crash : crash + 30])
-        found = {"": ("failed", f"the test's own process ended with {done.returncode}:\n{printed}")}
+    return str(done.returncode)
+
+
+def _outcomes_of(nodeids: list[str], options: list[str], run: Run) -> dict[str, tuple[str, str]]:
+    """Return outcome and text of each test; under the empty name the end of what the process printed."""
+    with tempfile.TemporaryDirectory() as folder:
+        results, printed = Path(folder) / "results", Path(folder) / "printed"
+        results.touch()
+        end = run(["-q", *WITHOUT, *options, *nodeids], {RESULTS: str(results)}, printed)
+        found = {"": ("failed", f"the test's own process ended with {end}:\n{_end_of_text(printed)}")}
         for line in results.read_text(encoding="utf-8").splitlines():
             nodeid, outcome, text = json.loads(line)
             if outcome == "peak":
@@ -105,3 +116,11 @@ def _run(nodeids: list[str], options: list[str]) -> dict[str, tuple[str, str]]:
             if found.get(nodeid, ("passed",))[0] == "passed":  # a failed teardown counts, too
                 found[nodeid] = outcome, text
     return found
+
+
+def _end_of_text(printed: Path) -> str:
+    lines = printed.read_text(encoding="utf-8", errors="replace").splitlines() if printed.exists() else []
+    # after a crash Python names all compiled modules, in a line that is longer than where it happened
+    lines = [line for line in lines if not line.startswith("Extension modules: ")]
+    crash = next((k for k, line in enumerate(lines) if "Fatal Python error" in line), None)
+    return "\n".join(lines)[-4000:] if crash is None else "\n".join(lines[crash : crash + 30])
