@@ -34,8 +34,8 @@ from .tubes.probes import SAME_DISTANCE
 from .tubes.returning import ComingBack, Return
 from .tubes.screens import FieldOfView, Screen, Window
 from .tubes.together import Question, Tracing, together
-from .tubes.trace import GRAZING, Tubes, face_of_plane, landing
-from .tubes.tube_shape import middle, sides_and_height
+from .tubes.trace import GRAZING, Tubes, face_of_plane, landing, lands_ahead
+from .tubes.tube_shape import middle
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -44,11 +44,6 @@ Mask = npt.NDArray[np.bool_]
 _COARSE = 16.0
 """Faces are first cut into pieces so many times as long as patches, so that a batch of them is no more than some
 patches. Bounds the memory, decides no accuracy."""
-_BEHIND = 1e-6
-"""A tube may land this part of its length before its footprint: the rounding of faces that touch."""
-_OVERRUN = 0.05
-"""The same as a part of the tube's size: cuts at the edge of a face that the next one touches reach over it by up to
-their own accuracy and the inset of the probes, of tubes that were larger before they were cut."""
 WIDE_FACE = 0.5
 """Faces that look wider than this [rad] are never sorted out before they are cut into patches, which are tested alone:
 decides the time, not the accuracy."""
@@ -483,8 +478,7 @@ class Tracer:
             return self._landed(tubes, image, tubes.corners, last, last)
         target = Landing(self.rays, self.faces, self.chosen, image, lift, last)
         if rest == 1:
-            angle = None if self._return is None else self._return.angle
-            target = replace(target, station=self.rx.pose.position, angle=angle)
+            target = replace(target, station=self.rx.pose.position, angle=self.settings.return_angle)
         corners, rows, plane = yield Cut((place, 3), tubes.corners, wide, fine, target, self.settings)
         met = plane != MISS
         return self._landed(tubes, image, corners[met], rows[met], self._of_plane[plane[met]])
@@ -496,11 +490,9 @@ class Tracer:
         ray = corners - source[:, None]
         share, slope = landing(corners, ray, normal, offset)
         length = np.sqrt(np.einsum("nij,nij->ni", ray, ray))
-        slack = _BEHIND * length + _OVERRUN * sides_and_height(corners)[0][:, None]
+        kept = lands_ahead(corners, length, share, slope)
         with np.errstate(invalid="ignore"):
-            ahead = (share * length >= -slack) & (np.abs(slope) > GRAZING * length)
-            ahead &= length * (1.0 + share) < 2.0 * self.reach
-        kept = ahead.all(axis=1)
+            kept &= (length * (1.0 + share) < 2.0 * self.reach).all(axis=1)
         landed = corners[kept] + share[kept, :, None] * ray[kept]
         chain = np.concatenate([tubes.face[rows[kept]], face[kept, None]], axis=1)
         images = np.concatenate([tubes.image[rows[kept]], source[kept, None]], axis=1)

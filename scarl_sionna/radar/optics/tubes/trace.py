@@ -16,11 +16,19 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from .tube_shape import sides_and_height
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
 
 GRAZING = 1e-6
 """Cosine of incidence below which a face is not lit: its flux is 60 dB below that of a face turned by 0.06 deg."""
+_BEHIND = 1e-6
+"""A tube may land this part of its length before its footprint: the rounding of faces that touch."""
+_OVERRUN = 0.05
+"""The same as a part of the tube's size: cuts at the edge of a face that the next one touches reach over it by up to
+their own accuracy and the inset of the probes, of tubes that were larger before they were cut."""
 
 TableT = TypeVar("TableT", bound="Tubes")
 BounceT = TypeVar("BounceT")
@@ -135,3 +143,20 @@ def landing(corners: Array, ray: Array, normal: Array, offset: Array) -> tuple[A
     height = offset[:, None] - np.einsum("nij,nj->ni", corners, normal)
     with np.errstate(divide="ignore", invalid="ignore"):
         return height / slope, slope
+
+
+def lands_ahead(corners: Array, length: Array, share: Array, slope: Array) -> Mask:
+    """Return which tubes land on a plane that lies ahead of their footprints, and not along it, shape (n,).
+
+    Parameters
+    ----------
+    corners : ndarray of float64, shape (n, 3, 3)
+        Of their footprints [m].
+    length : ndarray of float64, shape (n, 3)
+        Of the rays from where they seem to come to the corners [m].
+    share, slope : ndarray of float64, shape (n, 3)
+        As :func:`landing` returns them for these rays.
+    """
+    slack = _BEHIND * length + _OVERRUN * sides_and_height(corners)[0][:, None]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((share * length >= -slack) & (np.abs(slope) > GRAZING * length)).all(axis=1))
