@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Mapping
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,15 +15,11 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.auto import AutoSettings
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
 from scarl_sionna.radar.channel.compose.budget import Surface, estimate, smooth_share, surface_distance
 from scarl_sionna.radar.channel.compose.choose import level_of
-from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
-from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
-from scarl_sionna.radar.channel.compose.reflections import WHOLE_SHARE, Sight, changes, sights
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
@@ -308,38 +302,6 @@ def test_a_coarser_level_is_taken_where_it_leaves_less_to_class(platoon) -> None
         assert sum(entry["method"] == "sbr" for entry in choices(reported).values()) == (3 if share > 1.0 else 2)
 
 
-def test_echoes_through_mirrors_are_paid_from_what_is_left(tmp_path) -> None:
-    """Two bodies over a mirror.
-
-    There and back, each by the mirror or not, are two more tracings of each (way back: reciprocity).
-    """
-    cars = [
-        Thing(name, box((4, 2, 1.25)), "Car", "steel", {"kind": "static", "position": [distance, side, 0.75]})
-        for name, distance, side in (("near", 15.0, 0.0), ("far", 30.0, 5.0))
-    ]
-    wall = Thing("wall", box((64.0, 0.2, 16.0), (30, 10, 0)), "Wall", "steel")
-    state = load_scene(write_scene(tmp_path, [wall], cars)).at(0.0)
-    wide = RADAR.with_(azimuth_fov_deg=140.0)
-    number = {info.name: key for key, info in state.world.instances.items()}
-
-    def through(budget: float) -> dict[str, bool]:
-        plan = plan_channel(state, wide, POSE, accuracy=COARSEST.with_(tube_budget=int(budget)))
-        (share,) = (share for share in plan.shares if share.solver == "sbr")
-        assert {number["near"], number["far"]} <= set(share.instances) and plan.predicted["tubes"] <= budget
-        seen = {item for reflection in share.reflections for item in reflection.instances}
-        return {name: number[name] in seen for name in ("near", "far")}
-
-    # all three pairs of ways of each: straight, and two more tracings with the wall
-    whole = {name: entry["tubes"] for name, entry in choices(solve_paths(state, wide, POSE, accuracy=COARSEST)).items()}
-    tubes = {name: whole[name] // 3 for name in ("near", "far")}
-    assert through(tubes["near"] + tubes["far"] + 1) == {"near": False, "far": False}
-    # the wall changes the far one for fewer tubes, so it comes first (tests/unit/test_spend.py), whatever else is left
-    assert tubes["far"] < tubes["near"]
-    assert through(tubes["near"] + 3 * tubes["far"] + 1) == {"near": False, "far": True}
-    assert through(3 * tubes["near"] + tubes["far"] + 1) == {"near": False, "far": True}
-    assert through(3 * (tubes["near"] + tubes["far"]) + 1) == {"near": True, "far": True}
-
-
 def test_a_weak_class_with_a_strong_flash_is_kept_by_its_bound(state) -> None:
     """A metal plate facing the radar reflects its flash, 4 pi A^2 / lambda^2, whatever its class does on average."""
     item = estimate(state, RADAR, POSE, next(k for k, i in state.world.instances.items() if i.name == "sign"), 250.0)
@@ -361,85 +323,6 @@ def test_how_smooth_a_body_is_goes_by_the_area_of_its_parts(state) -> None:
     every = replace(world.instances[1], parts=tuple(parts))
     assert smooth_share(state, every) == pytest.approx(1.0 - np.average(rough**2, weights=area), rel=1e-6)
     assert len(set(rough)) > 2
-
-
-def view_of(state, mirrors) -> MirrorView:
-    radar = RADAR.with_(pattern=IsotropicPattern())
-    return MirrorView(state, radar, state.as_mount(POSE), (), mirrors, RadarSettings().mirrors)
-
-
-def seen_by(view: MirrorView, numbers: list[int]) -> Mapping[int, list[Sight]]:
-    return sights(view, {number: Surface.of(view.state, number) for number in numbers})
-
-
-@pytest.mark.parametrize("height", [0.3, 1.0, 4.0])
-def test_change_by_the_ground_is_that_of_image_theory(tmp_path, height: float) -> None:
-    """A perfect conductor and an antenna alike in all directions: only the lengths decide."""
-    things = [
-        Thing("ground", plane(100.0, 100.0, (50, 0, 0)), "Ground", "steel", is_object=False),
-        Thing("plate", plane(0.1, 0.1, (30, 2, height), (-1, 0, 0)), "TrafficSign", "steel"),
-    ]
-    state = load_scene(write_scene(tmp_path, things)).at(0.0)
-    mirrors = find_mirrors(state, [1], POSE.position, RADAR.wavelength)
-    (change,) = changes(seen_by(view_of(state, mirrors), [2])[2], mirrors, 100.0)
-    straight, bent = (np.sqrt(30.0**2 + 2.0**2 + (height - sign * 0.6) ** 2) for sign in (1.0, -1.0))
-    assert change.change_db == pytest.approx(40.0 * np.log10(1.0 + straight / bent), abs=0.03)  # metal loses 0.2 %
-    assert not changes(seen_by(view_of(state, mirrors), [2])[2], mirrors, 29.0)  # too far
-
-
-def test_a_mirror_comes_and_goes_smoothly() -> None:
-    """With what it shows of an object, and with what its field is: steps of a hundredth change the weight by little."""
-
-    def weight(part: float, field: float) -> float:
-        seen = [Sight(0.4, 0.3, 8.0), Sight(part * WHOLE_SHARE, field * 0.3, 8.1)]
-        found = changes(seen, [SimpleNamespace(number=0)], 100.0, 0.5, 3.0)  # type: ignore[list-item]
-        return found[0].weight if found else 0.0
-
-    steps = np.linspace(0.0, 1.2, 121)
-    for some in ([weight(part, 0.8) for part in steps], [weight(25.6, field) for field in steps / 40.0]):
-        assert (some[0], some[-1]) == (0.0, 1.0)
-        rises = np.diff(some)
-        assert rises.min() >= 0.0 and rises.max() < 0.07
-
-
-def test_ways_looked_at_together_show_what_each_shows_alone(tmp_path) -> None:
-    """The ground, two walls and a ceiling, one behind the other; a sign, a box half hidden by it, a box behind all."""
-    things = [
-        Thing("ground", plane(100.0, 100.0, (50, 0, 0)), "Ground", "grey", is_object=False),
-        Thing("wall", box((60, 0.2, 6), (20, 6.1, 3.1)), "Wall", "steel"),
-        Thing("other", box((60, 0.2, 6), (20, -4.1, 3.1)), "Wall", "white"),
-        Thing("sign", plane(1.0, 1.0, (10, 0.5, 1), (-1, 1, 0)), "TrafficSign", "steel"),
-        Thing("half", box((0.5, 2.0, 1.5), (15, 1, 1)), "Static", "steel"),
-        Thing("last", box((0.5, 1.0, 0.5), (30, 1, 0.4)), "Static", "steel"),
-    ]
-    state = load_scene(write_scene(tmp_path, things)).at(0.0)
-    mirrors = find_mirrors(state, [1, 2, 3], POSE.position, RADAR.wavelength)
-    together = seen_by(view_of(state, mirrors), [4, 5, 6])
-    alone = [seen_by(view_of(state, [replace(mirror, number=0)]), [4, 5, 6]) for mirror in mirrors]
-    assert len(mirrors) >= 5  # both sides of the walls
-    for number in (4, 5, 6):
-        assert together[number] == [alone[0][number][0], *(one[number][1] for one in alone)]
-    assert sum(0.0 < sight.share < 0.6 for seen in together.values() for sight in seen) >= 6
-
-
-def test_what_is_hidden_costs_nothing_and_what_only_a_mirror_shows_is_seen(tmp_path) -> None:
-    """A van hides two signs; a wall shows one of them, so it is computed over the wall alone."""
-    things = [
-        Thing("van", box((2, 4, 3), (12, 0, 1.6)), "Car", "steel"),
-        Thing("shown", plane(1.0, 1.0, (20, 2.5, 1), (-1, 1, 0)), "TrafficSign", "steel"),
-        Thing("hidden", box((0.5, 0.5, 0.5), (15, 0, 1)), "Static", "steel"),
-        Thing("wall", box((60, 0.2, 6), (20, 6.1, 3.1)), "Wall", "steel"),
-    ]
-    state = load_scene(write_scene(tmp_path, things)).at(0.0)
-    paths = solve_paths(state, RADAR, POSE, num_rays=20_000, tube_budget=10**7)
-    found = choices(paths)
-    assert found["hidden"]["tubes"] == 0 and found["hidden"]["reason"].startswith("hidden")
-    assert found["shown"]["visible_share"] == 0.0 and found["shown"]["mirrors"] == ["wall"]
-    assert found["van"]["visible_share"] > 0.2 and found["shown"]["tubes"] > 0
-    over = paths.select((paths.instance == 2).any(axis=1))
-    assert over.num_paths and (over.instance[:, 0] == 4).all()  # there over the wall, and back
-    length = np.linalg.norm(np.array([20.0, 9.5, 1.0]) - POSE.position)  # the sign's image
-    assert over.length.max() / 2.0 == pytest.approx(length, abs=0.7)
 
 
 def test_nearness_is_that_of_the_surface_and_not_of_the_box(tmp_path) -> None:
@@ -465,32 +348,6 @@ def test_two_bodies_that_make_a_corner_answer_together(tmp_path) -> None:
         paths = solve_paths(state, RADAR, POSE, accuracy=accuracy)
         assert abs(20.0 * np.log10(abs(echo(paths)) / abs(exact))) < tolerance
         assert ((paths.instance[:, 0] == 1) & (paths.instance[:, 1] == 2)).any()
-
-
-def test_a_corner_of_two_walls_echoes(tmp_path) -> None:
-    """A building's corner at 45 deg sends the radar back to itself over both walls, neither of which faces it."""
-    things = [
-        Thing("left", plane(8.0, 8.0, (30 - 2.83, 2.83, 4), (-1, -1, 0)), "Building"),
-        Thing("right", plane(8.0, 8.0, (30 - 2.83, -2.83, 4), (-1, 1, 0)), "Building"),
-    ]
-    state = load_scene(write_scene(tmp_path, things)).at(0.0)
-    plan = plan_channel(state, RADAR, POSE, tube_budget=0)
-    assert plan.echoes and plan.mirrors == (1, 2)
-    paths = solve_paths(state, RADAR, POSE, tube_budget=0, num_rays=20_000)
-    both = paths.is_mirror_chain & (paths.depth == 2)
-    assert both.any() and paths.length[both] / 2.0 == pytest.approx(30.0, abs=1e-3)
-
-
-def test_a_wall_behind_the_radar_whose_ghost_is_in_view_is_a_mirror_and_no_body(tmp_path) -> None:
-    """From a wall ahead past the radar to a wall behind it and back: the sum of both distances, there and back."""
-    things = [
-        Thing("ahead", plane(8.0, 8.0, (12, 0, 4), (-1, 0, 0)), "Building"),
-        Thing("behind", box((2, 8, 8), (-6, 0, 4.1)), "Building"),
-    ]
-    state = load_scene(write_scene(tmp_path, things)).at(0.0)
-    paths = solve_paths(state, RADAR, POSE, num_rays=20_000, max_distance=30.0)
-    both = paths.is_mirror_chain & (paths.depth == 2)
-    assert both.any() and paths.length[both] / 2.0 == pytest.approx(12.0 + 5.0, abs=1e-3)
 
 
 def test_the_plan_says_what_it_expects_and_the_paths_whether_it_is_met(state, paths) -> None:
