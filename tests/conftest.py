@@ -35,10 +35,10 @@ settings.load_profile("ci" if os.environ.get("CI") else "here")
 GOAL_MEMORY, MOST_MEMORY = 1.5e9, 2e9
 """Bytes that a process of the tests should take at most, and those above which a session fails. A world that a module
 keeps too long, or a cache without a bound, shows here first."""
-MUCH_MEMORY, MORE_MEMORY = 0.01e9, 0.1e9
+MUCH_MEMORY, MORE_MEMORY = 0.6e9, 0.1e9
 """A process with more than the first gives back what it no longer uses whenever it has grown by the second; the engine
 takes 0.3 GB, TensorFlow 0.5 GB more."""
-FULL_MEMORY = 1.0
+FULL_MEMORY = 1.2e9
 """A process that holds more than this after giving back lets another one run the tests of further files: what compiled
 kernels, modules and a scattered heap take grows with the number of files."""
 PEAKS = pytest.StashKey[dict[str, int]]()
@@ -154,7 +154,7 @@ class _Memory:
     file = ""
     after_release = 0
     peaks: ClassVar[dict[str, int]] = {}
-    helper: ClassVar[HelperProcess] = HelperProcess(1.2e9)
+    helper: ClassVar[HelperProcess] = HelperProcess(FULL_MEMORY)
 
 
 def merge(peaks: dict[str, int], others: dict[str, int]) -> None:
