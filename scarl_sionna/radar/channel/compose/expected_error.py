@@ -145,7 +145,7 @@ def kept_error(errors: Sequence[float], bounds: Sequence[float], share: float, f
     low, high = LEAST_DB, MOST_DB
     if keeps(low, errors, bounds, share, fit) or not keeps(high, errors, bounds, share, fit):
         return low if keeps(low, errors, bounds, share, fit) else high
-    while high / low > 1.001:
+    while high / low > 1.00001:
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if keeps(middle, errors, bounds, share, fit) else (middle, high)
     return high
