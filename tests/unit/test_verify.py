@@ -93,31 +93,42 @@ def test_what_is_lit_of_a_share_has_the_same_paths_as_in_the_whole(tmp_path) -> 
         assert getattr(part, name).tobytes() == getattr(own, name).tobytes(), name
 
 
-@pytest.mark.parametrize(("tolerance", "coarser"), [(1.0, 3.0), (0.3, 1.0)])
-def test_a_solve_begins_one_level_coarser_and_has_the_level_asked_for_where_the_tolerance_may_be_missed(
-    state, tolerance: float, coarser: float
-) -> None:
-    first = solved(state, channel_tolerance_db=tolerance, auto={"errors": {"median": 1e-6}})  # nothing may be missed
-    all_of_it = solved(state, channel_tolerance_db=tolerance, auto={"errors": {"median": 100.0}, "refine_share": 0.0})
-    assert first.diagnostics["level_db"] == tolerance and first.diagnostics["first_level_db"] == coarser
-    assert first.diagnostics["met"] and first.diagnostics["num_refined"] == (2 if tolerance == 0.3 else 0)  # the finest
-    assert not all_of_it.diagnostics["met"] and all_of_it.diagnostics["num_refined"] == 2
+def test_the_finest_level_begins_one_coarser_and_all_is_computed_at_it(state) -> None:
+    paths = solved(state, channel_tolerance_db=0.3)
+    assert (paths.diagnostics["level_db"], paths.diagnostics["first_level_db"]) == (0.3, 1.0)
+    assert paths.diagnostics["num_refined"] == 2
     for number, name in ((1, "corner"), (2, "van")):
-        levels = [power_db(traced(state, sbr_settings(LEVELS[one])), number) for one in (tolerance, coarser)]
-        assert power_db(all_of_it, number) == pytest.approx(levels[0], abs=1e-6), name
-        assert power_db(first, number) == pytest.approx(levels[1 if tolerance == 1.0 else 0], abs=1e-6), name
-        row = rows(all_of_it)[name]
+        levels = [power_db(traced(state, sbr_settings(LEVELS[one])), number) for one in (0.3, 1.0)]
+        assert power_db(paths, number) == pytest.approx(levels[0], abs=1e-6), name
+        row = rows(paths)[name]
         assert row["second_look_db"] == pytest.approx(abs(levels[0] - levels[1]), abs=0.1), name
         assert row["expected_error_db"] >= AutoSettings().errors.difference * row["second_look_db"] - 0.05
 
 
+def test_other_levels_are_taken_at_once(state) -> None:
+    paths = solved(state, channel_tolerance_db=1.0, auto={"errors": {"median": 100.0}, "refine_share": 0.0})
+    assert paths.diagnostics["level_db"] == paths.diagnostics["first_level_db"] == 1.0
+    assert paths.diagnostics["num_refined"] == 0 and not paths.diagnostics["met"]
+    whole = traced(state, sbr_settings(LEVELS[1.0]))
+    for number in (1, 2):
+        assert power_db(paths, number) == pytest.approx(power_db(whole, number), abs=1e-6)
+
+
+def test_bounces_are_compared_with_their_reverse_at_coarse_levels_only(state) -> None:
+    def doubted(errors: dict[str, float]) -> list[str]:
+        paths = solved(state, channel_tolerance_db=1.0, auto={"errors": {"doubt_share": 0.0, **errors}})
+        return [name for name, row in rows(paths).items() if row["doubt_db"]]
+
+    assert doubted({"doubted_from_db": 1.0}) and not doubted({})
+
+
 def test_the_first_solve_can_be_that_of_the_plan(state) -> None:
-    plan = plan_channel(state, RADAR, POSE, channel_tolerance_db=1.0, **MUCH)
-    whole = solved(state, channel_tolerance_db=1.0, auto={"coarse_first": False, "refine_share": 0.0})
+    plan = plan_channel(state, RADAR, POSE, channel_tolerance_db=0.3, **MUCH)
+    whole = solved(state, channel_tolerance_db=0.3, auto={"coarse_first": False, "refine_share": 0.0})
     by_plan = solved(state, method="hybrid", plan=plan)
     assert whole.a.tobytes() == by_plan.a.tobytes() and whole.diagnostics["num_looked_at"] == 0
     assert whole.diagnostics["second_look_tubes"] == 0
-    both = solved(state, channel_tolerance_db=1.0, auto={"errors": {"median": 100.0}, "refine_share": 0.0})
+    both = solved(state, channel_tolerance_db=0.3, auto={"refine_share": 0.0})
     assert 0 < both.diagnostics["second_look_tubes"] <= both.diagnostics["predicted"]["tubes"]
 
 
@@ -150,17 +161,17 @@ def test_at_the_coarsest_level_the_look_is_finer_and_its_paths_are_taken(state) 
 
 
 def test_a_budget_pays_for_what_is_computed_finer(state) -> None:
-    tubes = plan_channel(state, RADAR, POSE, channel_tolerance_db=1.0, **MUCH).predicted["tubes"]
-    coarser = solved(state, channel_tolerance_db=1.0, tube_budget=int(0.9 * tubes)).diagnostics
-    assert coarser["level_db"] == coarser["first_level_db"] == 3.0 and coarser["num_looked_at"] == 0
+    tubes = plan_channel(state, RADAR, POSE, channel_tolerance_db=0.3, **MUCH).predicted["tubes"]
+    coarser = solved(state, channel_tolerance_db=0.3, tube_budget=int(0.9 * tubes)).diagnostics
+    assert coarser["level_db"] == coarser["first_level_db"] == 1.0 and coarser["num_looked_at"] == 0
     seconds = tubes * AutoSettings().tubes.seconds
-    strict = {"errors": {"median": 100.0}, "refine_share": 0.0}
+    strict = {"refine_share": 0.0}
     refined = [
-        solved(state, channel_tolerance_db=1.0, auto=strict, cpu_budget=(1.0 + more) * seconds).diagnostics
+        solved(state, channel_tolerance_db=0.3, auto=strict, cpu_budget=(1.0 + more) * seconds).diagnostics
         for more in (1e-6, 2.0)
     ]
     for found, more in zip(refined, (1e-6, 2.0), strict=True):
-        first = plan_channel(state, RADAR, POSE, channel_tolerance_db=3.0, **MUCH).predicted["tubes"]
+        first = plan_channel(state, RADAR, POSE, channel_tolerance_db=1.0, **MUCH).predicted["tubes"]
         assert found["second_look_tubes"] <= (1.0 + more) * tubes - first
     assert refined[0]["num_refined"] < refined[1]["num_refined"] == 2
 

@@ -149,6 +149,12 @@ class ErrorEstimate(Spec):
         description="a bounce that differs from its reverse by more than this multiple of the tolerance is doubtful: a "
         "ratio; docs/accuracy.md, expected error",
     )
+    doubted_from_db: Decibels = Field(
+        3.0,
+        ge=0.0,
+        description="tolerance of the finest level at which bounces are compared with their reverse: at finer ones "
+        "what differs is side lobes without a twin, hardly what tubes lack; docs/accuracy.md, expected error",
+    )
     by_class_db: Decibels = Field(
         8.0,
         ge=0.0,
@@ -217,8 +223,8 @@ class AutoSettings(Spec):
     errors: ErrorEstimate = Field(ErrorEstimate(), description="what each object is expected to be off by")
     coarse_first: bool = Field(
         True,
-        description="the first solve is one level coarser than the tolerance asks for, but not the coarsest, and "
-        "only objects that may miss the tolerance are computed at its level; docs/accuracy.md, expected error",
+        description="where the finest level of all is asked for, the first solve is one level coarser, so that what "
+        "the echo of each object differs by tells how far it is off; docs/accuracy.md, expected error",
     )
     look_share: float = Field(
         0.25,

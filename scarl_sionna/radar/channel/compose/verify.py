@@ -1,9 +1,9 @@
 """Whether a solve of ``method="auto"`` keeps its tolerance; objects that may not are computed finer.
 
-A solve begins one level coarser than the tolerance asks for: most objects are right by then, and the formula of
-`expected_error` says which. The others are computed at the level asked for, and what their echo differs by tells how
-far it still moves. What both levels lack shows where the two directions of a bounce differ, or may be where hardly
-anything is seen of an object. docs/accuracy.md, expected error.
+The formula of `expected_error` says which objects may be off by too much. They are computed one level finer, and what
+their echo differs by tells how far it still moves; a solve at the finest level begins one level coarser for that. What
+all levels lack shows where the two directions of a bounce differ, or may be where hardly anything is seen of an object.
+docs/accuracy.md, expected error.
 """
 
 from __future__ import annotations
@@ -79,14 +79,14 @@ class Verified:
 
 
 def first_level(view: View, chosen: Chosen) -> SbrLevel:
-    """Return the level of the first solve: one coarser than that asked for, but not the coarsest of all.
+    """Return the level of the first solve: that asked for, but one coarser than the finest, whose errors nothing tells.
 
     It is the level of the budget where that does not pay for the one asked for.
     """
     levels, rules = view.rules.levels, view.rules
     asked = level_of(view.settings.accuracy.channel_tolerance_db, rules)
     place = levels.index(chosen.level)
-    is_coarser = rules.coarse_first and chosen.level == asked and place > 1
+    is_coarser = rules.coarse_first and chosen.level == asked and 1 < place == len(levels) - 1
     return levels[place - 1] if is_coarser else chosen.level
 
 
@@ -221,7 +221,8 @@ class _Work:
         """Bring what may be wrong with the echo of objects, though no level shows it, into their expected errors."""
         view, result = self.view, self.result
         tolerance = view.settings.accuracy.channel_tolerance_db
-        reverse = reverse_doubts(self.before, view.radar, self.numbers, self.numbers)
+        compared = self.level.tolerance_db >= view.rules.errors.doubted_from_db
+        reverse = reverse_doubts(self.before, view.radar, self.numbers, self.numbers) if compared else {}
         for number, choice in self.counted.items():
             seen = choice.sight.share * view.rules.num_probes
             few = 20.0 * np.log10(1.0 + seen**-0.5) if 0.0 < seen <= view.rules.few_probes else 0.0
