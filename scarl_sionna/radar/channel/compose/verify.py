@@ -104,10 +104,9 @@ def verified(view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -
     Notes
     -----
     As long as the tolerance is not expected to be met, the objects with the largest expected errors are computed at the
-    next finer level, up to that asked for, as many as are hoped to be enough; a doubt (see `Verified`) is part of
-    the expected error until then. At the finest level of all, whose own errors are not known otherwise, all of them
-    are computed. What is still not met is computed at one level more, for at most `refine_share` of the tubes of the
-    plan, and only if that is hoped to be enough.
+    next finer level, for at most `refine_share` of the tubes of the plan, and only if that is hoped to be enough; a
+    doubt (see `Verified`) is part of the expected error until then. At the finest level of all, whose own errors are
+    not known otherwise, all objects are computed that count.
     At the coarsest level all objects that `look_share` of the tubes pays for are computed at the next finer one.
     Where the budget did not pay for the level asked for, nothing is refined, and looked at only what would be called
     met. A `cpu_budget` pays for all of it; a `tube_budget` is that of the plan.
@@ -124,8 +123,8 @@ def verified(view: View, chosen: Chosen, plan: ChannelPlan, paths: RadarPaths) -
         if not place and len(levels) > 1 and (is_asked or work.is_met(work.result.errors)):
             work.look(levels[1], rules.look_share * planned)
         if is_asked and place:
-            for level in levels[place + 1 : last + 1]:
-                work.refine(level, np.inf, in_vain=True, everything=level == levels[-1])
+            if work.level != asked:
+                work.refine(asked, np.inf, everything=True)
             for level in levels[last + 1 : last + 2]:
                 work.refine(level, rules.refine_share * planned)
     work.result.seconds = time.perf_counter() - start
@@ -241,10 +240,10 @@ class _Work:
                 whole.append(number)
         self._compute(whole, level, cost)
 
-    def refine(self, level: SbrLevel, budget: float, in_vain: bool = False, everything: bool = False) -> None:
+    def refine(self, level: SbrLevel, budget: float, everything: bool = False) -> None:
         """Compute objects with the largest expected errors at a finer level, as many as the tolerance asks for.
 
-        Unless `in_vain`, only if that is hoped to be enough; what is doubtful is computed anyway. Or all, `everything`.
+        Only if that is hoped to be enough; what is doubtful is computed anyway. Or all, `everything`.
         """
         cost = self._cost(level)
         budget = min(budget, self.spare)
@@ -262,7 +261,7 @@ class _Work:
                     errors[number] = HOPED * self.undoubted[number]
                     chosen.append(number)
                     is_met = is_met or self.is_met(errors)
-            if not (in_vain or is_met):
+            if not (everything or is_met):
                 budget += sum(cost[number] for number in chosen if number not in doubted)
                 chosen = [number for number in chosen if number in doubted]
             self._compute(chosen, level, cost)
