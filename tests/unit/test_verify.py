@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -77,13 +78,17 @@ def rows(paths) -> dict[str, dict]:
     return {row["instance"]: row for row in paths.diagnostics["choices"]}
 
 
-def test_what_is_lit_of_a_share_has_the_same_paths_as_in_the_whole(tmp_path) -> None:
+def right_angle(folder: Path):
     """Two plates at a right angle: what is lit on the one bounces off the other."""
     things = [
         Thing("corner", plane(2.0, 2.0, (21, 1, 1), (-1, -1, 0)), "Static", "steel"),
         Thing("van", plane(2.0, 2.0, (21, -1, 1), (-1, 1, 0)), "Static", "steel"),
     ]
-    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    return load_scene(write_scene(folder, things)).at(0.0)
+
+
+def test_what_is_lit_of_a_share_has_the_same_paths_as_in_the_whole(tmp_path) -> None:
+    state = right_angle(tmp_path)
     settings = SbrSettings(max_phase=3.0, integration_phase=0.2, edge_share=1.0, floor_db=None)
     whole, part = traced(state, settings), traced(state, settings, lit=("corner",))
     own = whole.select(whole.instance[:, 0] == 1)
@@ -114,7 +119,9 @@ def test_other_levels_are_taken_at_once(state) -> None:
         assert power_db(paths, number) == pytest.approx(power_db(whole, number), abs=1e-6)
 
 
-def test_bounces_are_compared_with_their_reverse_at_coarse_levels_only(state) -> None:
+def test_bounces_are_compared_with_their_reverse_at_coarse_levels_only(tmp_path) -> None:
+    state = right_angle(tmp_path)
+
     def doubted(errors: dict[str, float]) -> list[str]:
         paths = solved(state, channel_tolerance_db=1.0, auto={"errors": {"doubt_share": 0.0, **errors}})
         return [name for name, row in rows(paths).items() if row["doubt_db"]]
@@ -178,11 +185,7 @@ def test_a_budget_pays_for_what_is_computed_finer(state) -> None:
 
 def test_what_bounces_both_ways_is_as_strong_either_way_and_a_lack_of_one_is_a_doubt(tmp_path) -> None:
     """Two plates at a right angle: reciprocity holds; of which one way is taken away by half, by hand."""
-    things = [
-        Thing("corner", plane(2.0, 2.0, (21, 1, 1), (-1, -1, 0)), "Static", "steel"),
-        Thing("van", plane(2.0, 2.0, (21, -1, 1), (-1, 1, 0)), "Static", "steel"),
-    ]
-    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    state = right_angle(tmp_path)
     paths = traced(state, SbrSettings(max_phase=1.0, integration_phase=0.1, floor_db=None))
     whole = reverse_doubts(paths, RADAR, (1, 2), (1, 2))
     assert set(whole) == {1, 2} and max(whole.values()) < 0.1
