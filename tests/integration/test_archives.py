@@ -23,7 +23,7 @@ from tests.exports import contents
 
 SOURCE = drive(num_frames=5, ends=("front",), scenes=("lane", "street"))
 SHARD_FRAMES = 2
-SCENES = {scene.name: list(scene) for scene in SOURCE.scenes}
+SCENES = {scene.name: scene.frames for scene in SOURCE.scenes}
 RADAR, CAMERA, LIDAR = "front_center/radar", "front_center/camera", "front_center/lidar"
 
 

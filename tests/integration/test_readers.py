@@ -32,10 +32,10 @@ from scarl_sionna.dataset.readers.xarray_view import open_xarray, radar_maps_xar
 from scarl_sionna.dataset.repack import repack_dataset
 from scarl_sionna.fusion import Rig, SensorMount
 from tests.client_env import REPO, client_python, run_client
-from tests.drive import drive
+from tests.drive import AllFrames, drive
 
 SOURCE = drive(num_frames=5, ends=("front",), scenes=("lane", "street"))
-FRAMES = [frame for scene in SOURCE.scenes for frame in scene]
+FRAMES = AllFrames(SOURCE)
 RADAR, CAMERA, LIDAR = "front_center/radar", "front_center/camera", "front_center/lidar"
 
 

@@ -17,7 +17,7 @@ from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.formats import FrameSource, convert
 from scarl_sionna.dataset.formats.tfrecord import export_tfrecord, read_tfrecord
 from scarl_sionna.dataset.readers.tf_data import tensorflow
-from tests.drive import drive
+from tests.drive import AllFrames, drive
 
 pytestmark = [
     pytest.mark.own_process,
@@ -26,7 +26,7 @@ pytestmark = [
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SOURCE = drive(num_frames=4, ends=("front",), scenes=("highway",))
 DRIVE = drive(num_frames=3, ends=("front",), scenes=("lane", "street"))
-FRAMES = [frame for scene in DRIVE.scenes for frame in scene]
+FRAMES = AllFrames(DRIVE)
 RADAR, CAMERA, LIDAR = "front_center/radar", "front_center/camera", "front_center/lidar"
 
 

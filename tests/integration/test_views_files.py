@@ -27,10 +27,10 @@ from scarl_sionna.dataset.formats.hdf5 import export_hdf5
 from scarl_sionna.dataset.formats.mcap import export_mcap
 from scarl_sionna.dataset.formats.mcap_schemas import SCHEMAS
 from tests.client_env import REPO, client_python, run_client
-from tests.drive import drive
+from tests.drive import AllFrames, drive
 
 SOURCE = drive(num_frames=3, ends=("front",), scenes=("lane", "street"))
-FRAMES = [frame for scene in SOURCE.scenes for frame in scene]
+FRAMES = AllFrames(SOURCE)
 RADAR, CAMERA, LIDAR = "front_center/radar", "front_center/camera", "front_center/lidar"
 
 

@@ -22,13 +22,13 @@ from scarl_sionna.dataset.formats import convert
 from scarl_sionna.dataset.formats.labelled.kitti import MIN_PIXELS, _occluded, export_kitti
 from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
 from tests.client_env import client_python, run_client
-from tests.drive import drive
+from tests.drive import AllFrames, drive
 
 SOURCE = replace(
     drive(num_frames=3, ends=("front", "back"), scenes=("lane", "street")),
     splits={"train": ["lane"], "val": ["street"]},
 )
-FRAMES = [frame for scene in SOURCE.scenes for frame in scene]
+FRAMES = AllFrames(SOURCE)
 CAMERA = "front_center/camera"
 
 

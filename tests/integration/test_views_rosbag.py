@@ -20,10 +20,10 @@ from scarl_sionna.dataset.derived.radar_points import sensed_points
 from scarl_sionna.dataset.formats import convert
 from scarl_sionna.dataset.formats.rosbag import export_rosbag, record_rosbag
 from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
-from tests.drive import drive
+from tests.drive import AllFrames, drive
 
 SOURCE = drive(num_frames=2, ends=("front",), scenes=("lane", "street"))
-FRAMES = [frame for scene in SOURCE.scenes for frame in scene]
+FRAMES = AllFrames(SOURCE)
 RADAR, CAMERA, LIDAR = "front_center/radar", "front_center/camera", "front_center/lidar"
 TIMES = [1_000_000_000, 1_100_000_000, 2_100_000_000, 2_200_000_000]
 """From 1 s on, the second scene 1 s after the first one."""
