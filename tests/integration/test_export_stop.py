@@ -155,7 +155,7 @@ def assert_stopped_whole(process: subprocess.Popen, out: Path, number: int) -> N
 
 
 @pytest.mark.some(1)
-@pytest.mark.parametrize(("number", "rounds"), [(signal.SIGINT, 2), (signal.SIGINT, 4), (signal.SIGTERM, 4)])
+@pytest.mark.parametrize(("number", "rounds"), [(signal.SIGINT, 1), (signal.SIGINT, 4), (signal.SIGTERM, 4)])
 def test_a_signal_in_the_middle_of_a_render(heavy, tmp_path, number, rounds) -> None:
     """At moments drawn at random, which fall into the engine, into our code and between frames."""
     out, moments = tmp_path / "out", random.Random(number)
