@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 from scipy.special import gammaincc
-from scipy.stats import ncx2
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
@@ -203,6 +202,8 @@ def _speckle_rule(num_looks: int) -> tuple[Array, Array]:
 
 
 def _tail(level: float, num_looks: int, noncentrality: Array) -> Array:
+    from scipy.stats import ncx2  # 0.5 s, which other lidars need not wait for
+
     return ncx2.sf(2.0 * level, 2 * num_looks, 2.0 * np.maximum(noncentrality, 1e-300))
 
 

@@ -7,8 +7,6 @@ from typing import Literal, NamedTuple, TypedDict, Unpack
 import numpy as np
 import numpy.typing as npt
 import scipy.ndimage
-import scipy.signal
-import scipy.stats
 
 from scarl_sionna.core.errors import ParameterRangeError
 
@@ -338,7 +336,9 @@ def _threshold_factor(window: TrainingWindow, num_looks: int, pfa: float, count:
 
 def _factor_on_mean(pfa: float, num_looks: int, freedom: Array) -> Array:
     """Return the factor on the mean of so many independent training cells, at least of one."""
-    return np.asarray(scipy.stats.f.isf(pfa, 2 * num_looks, 2 * num_looks * np.maximum(freedom, 1.0)))
+    from scipy.stats import f  # 0.5 s, which labels, for example, need not wait for
+
+    return np.asarray(f.isf(pfa, 2 * num_looks, 2 * num_looks * np.maximum(freedom, 1.0)))
 
 
 def _box_sum(values: Array, size: tuple[int, ...]) -> Array:
@@ -356,7 +356,9 @@ def _correlation_loss(correlation: tuple[Phasors, Phasors], outer: Widths, inner
     mask = np.ones(outer)
     middle = tuple(slice((o - i) // 2, (o + i) // 2) for o, i in zip(outer, inner, strict=True))
     mask[middle] = 0.0
-    overlap = scipy.signal.correlate(mask, mask, mode="full", method="fft")
+    from scipy.signal import correlate  # as above
+
+    overlap = correlate(mask, mask, mode="full", method="fft")
     total = float((overlap * np.outer(doppler, distance)).sum())
     return float(mask.sum() / total)
 

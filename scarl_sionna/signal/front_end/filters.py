@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
-import scipy.signal
 
 from scarl_sionna.core.specs.radar.impairments import IfFilter
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -26,9 +25,11 @@ def transfer(filters: IfFilter, frequency: npt.NDArray[np.float64]) -> npt.NDArr
     for corner in filters.high_pass:
         out *= frequency / (frequency - 1j * corner)
     if filters.low_pass is not None:
-        top, bottom = scipy.signal.butter(filters.low_pass_order, filters.low_pass, analog=True)
+        from scipy.signal import butter, freqs  # 0.7 s, which few need
+
+        top, bottom = butter(filters.low_pass_order, filters.low_pass, analog=True)
         # of angular frequency and corner alike, so that both may stand in Hz
-        out *= scipy.signal.freqs(top, bottom, np.ravel(frequency))[1].reshape(np.shape(frequency))
+        out *= freqs(top, bottom, np.ravel(frequency))[1].reshape(np.shape(frequency))
     return out
 
 

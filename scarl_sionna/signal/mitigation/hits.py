@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import scipy.ndimage
-import scipy.stats
 
 from scarl_sionna.core.errors import ParameterRangeError
 
@@ -52,7 +51,9 @@ def find_hits(adc: npt.NDArray[np.complexfloating], pfa: float = 1e-4, guard: in
     if guard < 0:
         raise ParameterRangeError("guard", guard, ">= 0")
     power = np.sum(adc.real.astype(np.float64) ** 2 + adc.imag.astype(np.float64) ** 2, axis=0)
-    law = scipy.stats.gamma(len(adc))
+    from scipy.stats import gamma  # 0.5 s, which few need
+
+    law = gamma(len(adc))
     threshold = np.median(power, axis=1, keepdims=True) * law.isf(pfa) / law.median()
     found = power > threshold
     if guard and found.any():
