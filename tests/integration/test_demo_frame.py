@@ -42,7 +42,7 @@ def rig():
     return Rig(
         "test",
         (
-            SensorMount("camera", "camera", CameraSpec(width=480, height=270, samples_per_pixel=1), place),
+            SensorMount("camera", "camera", CameraSpec(width=320, height=180, samples_per_pixel=1), place),
             front["front_center/lidar"],
             SensorMount(
                 "radar",

@@ -1,7 +1,8 @@
-"""The code of docs/getting_started.md runs as it is printed."""
+"""The code of docs/getting_started.md and of the first notebook runs as it is printed."""
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,8 @@ import scarl_sionna as ss
 
 pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "getting_started.md"
+REPO = Path(__file__).resolve().parents[2]
+PAGE = REPO / "docs" / "getting_started.md"
 
 
 @pytest.fixture(params=[pytest.param("as printed", marks=pytest.mark.slow), "with less effort"])
@@ -39,3 +41,15 @@ def test_getting_started(tmp_path, monkeypatch, effort) -> None:
     assert (tmp_path / "frame.png").stat().st_size > 10_000
     assert {"front_center/radar", "front_center/lidar"} <= set(frame.results)
     assert len(data) == 2 and data[1].radar["front/radar"].adc.shape == (4, 192, 512)
+
+
+def test_first_notebook(tmp_path, monkeypatch, effort) -> None:
+    """Its cells one after the other; its last asserts a law."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    cells = json.loads((REPO / "notebooks" / "01_first_frame.ipynb").read_text(encoding="utf-8"))["cells"]
+    names: dict[str, object] = {"__name__": "notebook"}
+    for number, cell in enumerate(cells):
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), f"cell {number}", "exec"), names)
+    assert names["sheet"].stat().st_size > 10_000
+    assert float(names["error"]) < 1e-3 and {"front_center/radar", "front_center/lidar"} <= set(names["frame"].results)

@@ -55,7 +55,9 @@ def test_a_car_turns_at_a_crossing_behind_another_and_sensors_see_it(tmp_path, v
             SensorMount("a/camera", "camera", camera, ss.Pose([0.3, 0.0, 1.6])),
         ),
     )
-    few = RadarSettings(method="auto", raycast={"num_rays": 100_000}, accuracy={"tube_budget": 10_000})
+    few = RadarSettings(  # among houses 'auto' has 56 objects to weigh: the same answer for three times the time
+        method="auto" if variant == 0 else "raycast", raycast={"num_rays": 100_000}, accuracy={"tube_budget": 10_000}
+    )
     frame = ss.observe(world, rig, time=1.0, radar=few)
     radar, image = frame.results["a/radar"], frame.results["a/camera"]
     profile = (np.abs(np.asarray(ss.range_doppler(radar).data)) ** 2).sum((0, 1))

@@ -33,7 +33,7 @@ from tests.scenes import box
 REPO = Path(__file__).resolve().parents[2]
 SLOW = 155
 """Cases of each kind in the slow run: 15 kinds without CommonRoad, 2,325 cases."""
-FEW = 15
+FEW = 8
 
 
 def kinds() -> list[str]:
@@ -90,7 +90,7 @@ PLAIN = st.recursive(
 )
 
 
-@settings(max_examples=50, deadline=5000, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=5000, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=PLAIN)
 def test_any_plain_data_is_read_or_refused(tmp_path, data: object) -> None:
     text = json.dumps(data)

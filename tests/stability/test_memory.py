@@ -95,7 +95,7 @@ EGO = {"kind": "constant_twist", "position": [0.0, 0.0, 0.0], "velocity": [8.0, 
 
 
 @pytest.mark.own_process("many")
-@pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [6, pytest.param(200, marks=pytest.mark.slow)])
 def test_different_worlds_loaded_observed_and_dropped(count: int, tmp_path) -> None:
     """Every world has its own shapes, light and seed, and is seen by a camera, a lidar and a radar."""
     taken = []

@@ -68,7 +68,7 @@ def error_db(radar, paths, tolerance):
 @pytest.mark.usefixtures("each_method")
 @pytest.mark.parametrize("multiplexing", ["ideal", "tdm"])
 @pytest.mark.parametrize("speed", [0.0, 20.0, 70.0])
-@pytest.mark.parametrize("count", [2, 60])
+@pytest.mark.parametrize("count", [2, 24])
 def test_fast_synthesis_equals_the_exact_sum(multiplexing, speed, count):
     radar = RadarSpec().with_(multiplexing=multiplexing, rx_positions=((0.0, 0.0, 0.0),))
     assert error_db(radar, scene(radar, count, speed), 1e-5) < -100.0
@@ -79,7 +79,7 @@ def test_fast_synthesis_equals_the_exact_sum(multiplexing, speed, count):
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-6])
 def test_error_stays_below_the_tolerance(tolerance):
     radar = RadarSpec().with_(**PAIR)
-    for count in (1, 2, 40):
+    for count in (1, 2, 16):
         assert error_db(radar, scene(radar, count, 70.0), tolerance) < 20.0 * np.log10(tolerance)
 
 
