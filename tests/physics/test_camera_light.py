@@ -65,14 +65,14 @@ def test_known_reflectances_in_overcast_light(tmp_path: Path) -> None:
         tmp_path, [Thing("card", plane(4000.0, 4000.0), "Roads", "card")], materials={"card": Material(colors)}
     )
     lighting = Lighting(cloud_cover=1.0, sun_elevation_deg=40.0, night_sky_luminance=0.0)
-    image = radiance(path, SPEC.with_(samples_per_pixel=1024), Pose.from_euler([0, 0, 2.0], pitch=np.pi / 2), lighting)
+    image = radiance(path, SPEC.with_(samples_per_pixel=256), Pose.from_euler([0, 0, 2.0], pitch=np.pi / 2), lighting)
     sky = sky_image(lighting, np.zeros((*sky_directions().shape[:2], 3)), np.zeros(3)).astype(float)
     directions = sky_directions()
     rows, columns = directions.shape[:2]
     polar = (np.arange(rows) + 0.5) / rows * np.pi
     weight = (np.sin(polar) * np.maximum(np.cos(polar), 0.0))[:, None, None] * (np.pi / rows) * (2.0 * np.pi / columns)
     illuminance = (sky * weight).sum(axis=(0, 1))
-    # 1.3 million light paths of variance below (0.5 mean)^2: 5 sigma is 0.2 %; the map's bilinear look-up 0.1 %
+    # stratified, a pixel of 256 paths scatters by 0.2 %: 5 sigma of 1296 is 0.03 %; the map's look-up 0.1 %
     np.testing.assert_allclose(image.mean(axis=(0, 1)), colors * illuminance / np.pi, rtol=3e-3)
     luminous = illuminance @ [0.2126, 0.7152, 0.0722] * UNIT_LUMINANCE
     assert luminous == pytest.approx(
@@ -99,10 +99,10 @@ def test_clear_sky_with_and_without_environment_map_agree(tmp_path: Path) -> Non
     path = write_scene(tmp_path, [Thing("card", plane(4000.0, 4000.0), "Roads", "grey")])
     down = Pose.from_euler([0, 0, 2.0], pitch=np.pi / 2)
     own, mapped = (
-        radiance(path, SPEC.with_(samples_per_pixel=400), down, Lighting(cloud_cover=cover, night_sky_luminance=0.0))
+        radiance(path, SPEC.with_(samples_per_pixel=64), down, Lighting(cloud_cover=cover, night_sky_luminance=0.0))
         for cover in (0.0, 1e-9)
     )
-    # 0.5 million paths: 0.3 % from noise at 5 sigma; resolution of the map and limb of the disc: 1 %
+    # stratified, a pixel of 64 paths scatters by 1 %: 5 sigma of 1296 is 0.14 %; the map's cells, the sun's limb: 1 %
     np.testing.assert_allclose(mapped.mean(axis=(0, 1)), own.mean(axis=(0, 1)), rtol=0.015)
 
 
@@ -148,7 +148,7 @@ def test_a_wall_in_the_low_beam_has_its_illuminance(tmp_path: Path) -> None:
     path = lamp_scene(tmp_path, "headlamp", car, [wall], actors=[car])
     night = Lighting(sun_elevation_deg=-40.0, night_sky_luminance=0.0, headlamps=True)
     state = load_scene(path).with_lighting(night).at(1.0)  # the car's origin is at x = 0 now
-    spec = SPEC.with_(width=160, height=60, max_depth=2, samples_per_pixel=400)
+    spec = SPEC.with_(width=112, height=42, max_depth=2, samples_per_pixel=256)
     pose = Pose([3.0, 0.0, 0.7])
     image = render_radiance(state, spec, pose, np.random.default_rng(0)).astype(float)
     rays = pixel_rays(spec).reshape(spec.height, spec.width, 3)
@@ -166,7 +166,7 @@ def test_a_wall_in_the_low_beam_has_its_illuminance(tmp_path: Path) -> None:
     luminance = image @ [0.2126, 0.7152, 0.0722] * UNIT_LUMINANCE
     shown = luminance * np.pi / 0.5
     # the texture's cells are 0.13 deg wide, and the cut-off falls within 0.3 deg: away from it (light above 30 lx) half
-    # a cell of the spot's slope is 4 %; the noise of the glowing surfaces (a fifth of the light) at 400 paths adds to
+    # a cell of the spot's slope is 4 %; the noise of the glowing surfaces (a fifth of the light) at 256 paths adds to
     # that
     bright = expected > 30.0
     assert bright.mean() > 0.1
@@ -181,7 +181,7 @@ def test_a_street_lamp_lights_by_its_flux(tmp_path: Path) -> None:
     lamp = Thing("lamp", plane(0.5, 0.5, (0.0, 0.0, 8.0), (0.0, 0.0, -1.0)), "Pole", "lens")
     path = lamp_scene(tmp_path, "street_lamp", lamp, [Thing("road", plane(100.0, 100.0), "Roads")])
     night = Lighting(sun_elevation_deg=-40.0, night_sky_luminance=0.0, street_lamps=True)
-    spec = SPEC.with_(max_depth=2, horizontal_fov_deg=4.0, samples_per_pixel=256)
+    spec = SPEC.with_(max_depth=2, horizontal_fov_deg=4.0, samples_per_pixel=64)
     image = radiance(path, spec, Pose.from_euler([0.0, 0.0, 7.0], pitch=np.pi / 2), night)
     luminance = image.mean(axis=(0, 1)) @ [0.2126, 0.7152, 0.0722] * UNIT_LUMINANCE
     # a Lambertian lamp of 9000 lm: I = flux / pi below it, E = I / 64 at its foot; finite size and field: 1 %

@@ -77,6 +77,7 @@ def _of_power(spread: ss.PointSpread) -> ss.PointSpread:
 def test_the_power_table_is_the_mean_over_phases(device) -> None:
     rng, total = np.random.default_rng(1), 0.0
     paths = points([20.0, 20.2, 20.3], [0.0, 2.0, -1.0])
+    device = device.with_(axes=device.axes.with_(range=device.axes.range[35:46]))
     for _ in range(400):
         turn = np.exp(2j * np.pi * rng.uniform(size=3))
         turned = replace(paths, a=paths.a * turn[:, None, None])

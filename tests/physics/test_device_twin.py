@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 import yaml
 
 import scarl_sionna as ss
-from scarl_sionna.calibration.device import DeviceFitSettings, ReflectorCapture, fit_device
+from scarl_sionna.calibration.device import DeviceFit, DeviceFitSettings, ReflectorCapture, fit_device
 from scarl_sionna.calibration.device.capture import mean_of
 from scarl_sionna.calibration.device.model import DeviceModel
 from scarl_sionna.calibration.device.noise import MeasuredNoise
@@ -25,7 +26,7 @@ SMALL = STATED.with_(num_samples=64, num_chirps=8)
 
 @pytest.fixture(scope="module")
 def device() -> Planted:
-    return planted(3)
+    return planted(3, stated=SMALL)
 
 
 @pytest.fixture(scope="module")
@@ -146,15 +147,22 @@ def test_turning_the_radar_gives_the_pattern() -> None:
 COUPLED = DeviceFitSettings(pattern_std_db=0.0, coupling_std=0.1)
 
 
+@cache
+def coupled(seed: int) -> tuple[Planted, DeviceFit]:
+    """Return a device whose antennas couple, and its fit."""
+    device = planted(seed, stated=SMALL, coupling_std=0.1, antenna_std=0.0)
+    return device, fit_device(device.captures, device.stated, COUPLED)
+
+
+@pytest.mark.some(1)
 @pytest.mark.parametrize("seed", [11, 12])
 def test_planted_coupling_is_found_and_held_out_captures_are_at_the_noise(seed) -> None:
-    device = planted(seed, coupling_std=0.1, antenna_std=0.0)
-    found = fit_device(device.captures, device.stated, COUPLED)
+    device, found = coupled(seed)
     errors = errors_over_std(found, device)
     assert {"rx_coupling_i[0,3]", "rx_coupling_q[2,1]", "tx_coupling_q[1,0]"} <= set(errors)
     assert max(map(abs, errors.values())) < 4.0, errors
     assert found.not_identified == ()
-    assert max(found.std[k] for k, name in enumerate(found.names) if "coupling" in name) < 0.01  # of 0.1 before
+    assert max(found.std[k] for k, name in enumerate(found.names) if "coupling" in name) < 0.02  # of 0.1 before
     # the two that were not fitted lie in directions of their own: what coupling's intervals leave adds to the noise
     assert all(item.over_noise < (1.3 if item.held_out else 1.07) for item in found.residuals), found.residuals
     without = fit_device(device.captures, device.stated, COUPLED.with_(coupling_std=0.0))
@@ -162,8 +170,8 @@ def test_planted_coupling_is_found_and_held_out_captures_are_at_the_noise(seed) 
 
 
 def test_the_twin_couples_as_the_device_does() -> None:
-    device = planted(13, coupling_std=0.1, antenna_std=0.0)
-    found = fit_device(device.captures, device.stated, COUPLED).radar
+    device, fitted = coupled(11)
+    found = fitted.radar
     point = ss.point_targets([[6.0, -3.0, 0.1]], [[0.0, 0.0, 0.0]], 10.0, found, ss.Pose())
     channels = found.front_end.channels
     bare = found.with_(channels=channels.with_(tx_coupling=(), rx_coupling=()))
@@ -244,16 +252,17 @@ def test_bins_of_weighed_noise_are_independent_but_for_what_filters_suppress() -
     place = np.array([9.0, 0.0, 0.0])
     captures = [
         ReflectorCapture(ss.synthesize(nothing, STATED, rng=np.random.default_rng(seed), method="direct"), place, 0.0)
-        for seed in range(150)
+        for seed in range(75)
     ]
     noise = MeasuredNoise.of(captures, STATED)
-    looks = noise.whitened(np.stack([mean_of(item, STATED) for item in captures]), captures).reshape(-1, 128)
+    means = np.stack([mean_of(item, STATED) for item in captures])
+    looks = noise.whitened(means, captures).reshape(-1, 128)
     variances = np.linalg.eigvalsh(looks.conj().T @ looks / len(looks))
     assert np.all(variances[:2] < 1e-6)  # a constant, and nearly a line: high passes leave nothing of them
     spread = np.sqrt(128 / len(looks))  # Marchenko and Pastur: of 128 equal variances from so many looks
     assert variances[2] > (1.0 - spread) ** 2 - 0.1 and variances[-1] < (1.0 + spread) ** 2 + 0.1
     without = replace(noise, apart=None)
-    looks = without.whitened(np.stack([mean_of(item, STATED) for item in captures]), captures).reshape(-1, 128)
+    looks = without.whitened(means, captures).reshape(-1, 128)
     assert abs(np.mean(looks[:, 0].conj() * looks[:, 1])) > 0.4  # neighbours at zero are alike, which is not weighed
 
 

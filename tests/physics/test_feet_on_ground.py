@@ -63,7 +63,7 @@ def check_scenario(name: str) -> None:
     for actor in world.actors:
         for joint in actor.joints:
             if isinstance(joint, Walk):
-                times = np.arange(spec.times[0], spec.times[-1], 0.01).tolist()
+                times = np.arange(spec.times[0], spec.times[-1], 0.03).tolist()
                 feet = [pair for time in times if is_present(joint.trajectory, time) for pair in soles(joint, time)]
                 points = np.array([points for points, _ in feet])
                 ground = ground_heights(world, points.reshape(-1, 3)).reshape(points.shape[:2])  # by rays
@@ -98,7 +98,7 @@ def walker(street: Street, phase: float, climb: float = 0.0, height: float = 1.7
 @pytest.mark.parametrize("phase", np.linspace(0.0, 0.9, 7).tolist())
 def test_a_step_is_longer_or_shorter_so_that_the_sole_stands_flat(street, phase) -> None:
     joint = walker(street, phase, 0.02)  # the origin climbs evenly, whatever the ground does
-    feet = [pair for time in np.arange(2.0, 6.0, 0.01).tolist() for pair in soles(joint, time)]
+    feet = [pair for time in np.arange(2.0, 6.0, 0.04).tolist() for pair in soles(joint, time)]
     points = np.array([points for points, _ in feet])
     gaps = points[:, :, 2] - np.interp(points[:, :, 0], street.x, street.z)
     check(gaps, np.linalg.norm([velocity for _, velocity in feet], axis=2))
@@ -110,7 +110,7 @@ def test_a_step_is_longer_or_shorter_so_that_the_sole_stands_flat(street, phase)
 def test_a_foot_swings_over_the_edge_of_a_kerb(street) -> None:
     for phase in np.linspace(0.0, 0.9, 7).tolist():
         joint = walker(street, phase)
-        for time in np.arange(2.0, 4.5, 0.005).tolist():
+        for time in np.arange(2.5, 3.65, 0.01).tolist():  # the edge is at most 0.75 m ahead or behind
             moved = joint.motions(time)
             for side in SIDES:
                 points = joint.trajectory.pose(time).apply(
@@ -122,7 +122,7 @@ def test_a_foot_swings_over_the_edge_of_a_kerb(street) -> None:
 
 def test_velocities_on_a_kerb_are_derivatives() -> None:
     joint, step, point = walker(KERB, 0.3, 0.02), 1e-5, np.array([0.1, 0.05, -0.2])
-    for time in np.linspace(2.0, 5.0, 61).tolist():
+    for time in np.linspace(2.0, 5.0, 31).tolist():
         moved, later, earlier = (joint.motions(time + shift) for shift in (0.0, step, -step))
         for name in SEGMENTS:
             slope = (later[name].pose.apply(point) - earlier[name].pose.apply(point)) / (2.0 * step)

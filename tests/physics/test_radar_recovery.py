@@ -71,12 +71,12 @@ def test_points_over_the_unambiguous_region(multiplexing, azimuth_deg):
 @pytest.mark.parametrize("distance", [3.0, 40.0])
 @pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), [(0.0, 0.0), (40.0, 0.0), (-25.0, 8.0), (10.0, -12.0)])
 def test_board_layout_finds_azimuth_and_elevation(distance, azimuth_deg, elevation_deg):
-    radar = RadarSpec.preset("awr1843boost_3d").with_(num_chirps=64)
+    radar = RadarSpec.preset("awr1843boost_3d").with_(num_chirps=32)
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
     direction = unit(azimuth, elevation)
     paths = point_targets([distance * direction], [3.0 * direction], 1.0, radar, Pose())
     rda = range_doppler_angle(virtual_cube(synthesize(paths, radar), radar), radar)
-    assert rda.data.shape == (64, 512, len(rda.azimuth), len(rda.elevation))
+    assert rda.data.shape == (32, 512, len(rda.azimuth), len(rda.elevation))
     points = detect(rda, radar)
     assert points.num_points >= 1
     azimuth_bin = np.diff(np.sin(rda.azimuth))[0]

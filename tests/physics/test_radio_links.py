@@ -202,6 +202,7 @@ RECEIVER = Mount(Pose([40.0, 0.0, 2.0]))
 TOWARDS = Mount(Pose([-40.0, 0.0, 2.0]))
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("frequency", CARRIERS)
 def test_mirrors_smaller_than_their_fresnel_zone_are_marked(tmp_path, frequency) -> None:
     # half-way between the ends the zone is sqrt(wavelength * way) wide

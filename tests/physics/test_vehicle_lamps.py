@@ -20,6 +20,7 @@ from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import lanes_from_tables
 from scarl_sionna.scene.motion.signalling import BRAKING, indicated, is_braking, is_flash, is_parked
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, StaticTrajectory, WaypointTrajectory
+from tests.scenes import Thing, plane, write_scene
 
 pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
 
@@ -131,9 +132,10 @@ def seen_from(world, part, axis):
 
 
 @pytest.fixture(scope="module")
-def street():
-    """Return a function that gives a world with a car on a trajectory under a lighting."""
-    base = ss.load_scene("highway_guardrail")
+def street(tmp_path_factory):
+    """Return a function that gives a world with a car on a trajectory under a lighting, on a bare road."""
+    road = Thing("road", plane(400.0, 60.0), "Roads", is_object=False)
+    base = ss.load_scene(write_scene(tmp_path_factory.mktemp("street"), [road]))
 
     def with_car(trajectory, preset):
         world = ss.stage(base, [ss.StagedActor("it", "saloon", trajectory)])

@@ -96,6 +96,18 @@ def test_constant_twist_turns_and_moves() -> None:
     assert pose.yaw == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("size", [0.0, 1e-9, 0.3, 5.0])
+def test_a_constant_twist_turns_about_its_axis_in_the_world(size: float) -> None:
+    from scipy.spatial.transform import Rotation
+
+    start, angular = Pose([1.0, 2.0, 0.0], [0.3, -0.5, 0.2, 0.7]), size * np.array([0.6, -0.48, 0.64])
+    for time in (-7.0, 0.0, 2.5):
+        pose = ConstantTwistTrajectory(start, Twist([3.0, 0.0, 0.5], angular)).pose(time)
+        expected = Rotation.from_rotvec(angular * time).as_matrix() @ start.rotation
+        np.testing.assert_allclose(pose.rotation, expected, atol=1e-14)
+        np.testing.assert_allclose(pose.position, np.array([1.0, 2.0, 0.0]) + np.array([3.0, 0.0, 0.5]) * time)
+
+
 def test_tables() -> None:
     assert isinstance(trajectory_from_table({"kind": "static", "position": [0, 0, 1]}, "a"), StaticTrajectory)
     with pytest.raises(UnknownNameError, match="teleport"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -178,11 +179,12 @@ class ConstantTwistTrajectory(Described):
 
     def pose(self, time: float) -> Pose:
         """Return the pose at a time [s]."""
-        from scipy.spatial.transform import Rotation
-
-        turn = Rotation.from_rotvec(self.velocity.angular * time).as_matrix()
-        origin = self.pose_at_zero.position + self.velocity.linear * time
-        return Pose.from_rotation(origin, turn @ self.pose_at_zero.rotation)
+        start, origin = self.pose_at_zero, self.pose_at_zero.position + self.velocity.linear * time
+        rate = math.sqrt(self.velocity.angular @ self.velocity.angular)
+        if rate == 0.0:
+            return Pose(origin, start.quaternion)
+        turn = Motion.about(self.velocity.angular / rate, rate * time, rate).pose
+        return Pose(origin, turn.compose(start).quaternion)
 
     def twist(self, time: float) -> Twist:
         """Return the constant velocity at a time [s]."""
