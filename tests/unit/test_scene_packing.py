@@ -103,7 +103,7 @@ def _leaves(num: int) -> bytes:
     return head.encode() + np.hstack([places, normals]).astype("<f4").tobytes() + faces.tobytes()
 
 
-def _png(pixels: np.ndarray, **options: bool) -> bytes:
+def _png(pixels: np.ndarray, **options: int) -> bytes:
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, "PNG", **options)
     return file.getvalue()
@@ -221,6 +221,21 @@ def test_a_script_packs_what_it_builds(tmp_path):
     assert packed[0] == packed[1]  # the packed bytes also depend on the version of liblzma
     for file in (packing.SUMS, "saloon.xml", "actor.toml"):
         assert (tmp_path / "saloon" / file).read_bytes() == (PACKED["saloon"] / file).read_bytes(), file
+
+
+def test_a_texture_is_recorded_as_it_will_be_unpacked_however_its_builder_compressed_it(tmp_path):
+    pixels = np.random.default_rng(0).integers(0, 256, (40, 40, 3), dtype=np.uint8)
+
+    def build(folder: Path) -> None:
+        folder.mkdir()
+        (folder / "noise.png").write_bytes(_png(pixels, compress_level=1))
+
+    packing.write_packed(tmp_path / "packed", build)
+    (tmp_path / "out").mkdir()
+    packing.unpack_into(tmp_path / "packed", tmp_path / "out")
+    assert _sums(tmp_path / "out") == packing.checksums(tmp_path / "packed")
+    assert not (tmp_path / "out" / packing.RECORDED).exists()
+    assert np.array_equal(_pixels(tmp_path / "out" / "noise.png"), pixels)
 
 
 def test_every_builder_decides_the_name_of_a_variant(tmp_path, monkeypatch):
