@@ -13,9 +13,12 @@ import lzma
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 FILTERS = {
     "numbers": {"lc": 0, "lp": 2, "pb": 2},  # four bytes a number
@@ -180,9 +183,20 @@ def _png(record: Record, payload: bytes) -> bytes:
             colors = np.frombuffer(payload, np.uint8, 3 * record["colors"]).reshape(-1, 3)
             payload = colors[np.frombuffer(payload, np.uint8, -1, colors.nbytes)].tobytes()
         image = Image.frombytes(record["mode"], tuple(record["shape"]), payload)
+    return _png_of(image)
+
+
+def _png_of(image: Image.Image) -> bytes:
     written = io.BytesIO()
     image.save(written, "PNG", optimize=True)
     return written.getvalue()
+
+
+def as_unpacked(name: str, content: bytes) -> bytes:
+    """Return a file of these pixels or bytes as it will be unpacked, however its builder compressed it."""
+    from PIL import Image
+
+    return _png_of(Image.open(io.BytesIO(content))) if name.endswith(".png") else content
 
 
 _DECODERS: dict[str, Callable[[Record, bytes], bytes]] = {"raw": _raw, "ply": _ply, "png": _png}

@@ -18,7 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from .cache import DamagedError
-from .codecs import FILTERS, Record, compressed, decoded, encoded
+from .codecs import FILTERS, Record, as_unpacked, compressed, decoded, encoded
 
 PACK = "files.xz"
 SUMS = "files.sha256"
@@ -60,10 +60,9 @@ def write_packed(folder: Path, build: Callable[[Path], object]) -> None:
         folder.mkdir(exist_ok=True)
         for name in plain:
             shutil.copyfile(files[name], folder / name)
-        (folder / PACK).write_bytes(
-            pack({name: file.read_bytes() for name, file in files.items() if name not in plain})
-        )
-        sums = [f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {name}\n" for name, file in files.items()]
+        contents = {name: as_unpacked(name, file.read_bytes()) for name, file in files.items()}
+        (folder / PACK).write_bytes(pack({name: content for name, content in contents.items() if name not in plain}))
+        sums = [f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in contents.items()]
         (folder / SUMS).write_text("".join(sums), encoding="utf-8", newline="\n")
 
 

@@ -43,8 +43,14 @@ def times_of(moved: Trajectory, step: float = 0.05) -> np.ndarray:
     return np.arange(moved.start, min(moved.stop, STOP), step)
 
 
-@pytest.mark.parametrize(("y", "yaw", "way", "nose"), CASES)
-@pytest.mark.parametrize("model", ["saloon", "small_car"])
+@pytest.mark.parametrize(
+    ("y", "yaw", "way", "nose", "model"),
+    [
+        pytest.param(*case, model, marks=[pytest.mark.slow] if (index + shift) % 2 else [])
+        for index, case in enumerate(CASES)
+        for shift, model in enumerate(("saloon", "small_car"))
+    ],
+)
 def test_it_ends_in_the_place_or_on_the_lane_and_steers_within_the_limit(y, yaw, way, nose, model) -> None:
     body = body_of(model)
     moved = motion(y, yaw, way, nose, body)
@@ -62,7 +68,7 @@ def test_it_ends_in_the_place_or_on_the_lane_and_steers_within_the_limit(y, yaw,
     speeds = moved.forward_speeds(times)
     assert (speeds.min() < -0.5) == ((way == "in") == (nose == "out" or not across))
     assert speeds.min() > -1.51 and speeds.max() < 5.01
-    assert check_motion([("car", moved, None)], times, 6.0, 2.5) == []
+    assert check_motion([("car", moved, None)], times[::4], 6.0, 2.5) == []
 
 
 def test_across_a_lane_the_arc_has_the_radius_of_the_steering_limit() -> None:
@@ -82,10 +88,11 @@ def test_across_a_lane_the_arc_has_the_radius_of_the_steering_limit() -> None:
 def test_in_and_out_follow_the_same_ground() -> None:
     for y, yaw, nose in ((-8.5, 90.0, "out"), (8.5, 90.0, "in"), (-2.6, 0.0, "out")):
         into, out = (motion(y, yaw, way, nose) for way in ("in", "out"))
-        ways = [np.array([one.pose(t).position[:2] for t in times_of(one, 0.02)]) for one in (into, out)]
+        steps = ((into, 0.2), (out, 0.04))
+        ways = [np.array([one.pose(t).position[:2] for t in times_of(one, step)]) for one, step in steps]
         inside = ways[0][np.abs(ways[0][:, 1]) > 0.3]
         away = np.linalg.norm(inside[:, None] - ways[1][None], axis=2).min(1)
-        assert away.max() < 0.05, (y, yaw, nose)
+        assert away.max() < 0.05, (y, yaw, nose)  # 0.03 m: half a step of 0.04 s at 1.5 m/s
 
 
 def test_a_change_of_direction_is_smooth_and_wheels_roll_on() -> None:
@@ -155,7 +162,7 @@ def test_a_scenario_parks_in_a_place_of_its_scene(tmp_path) -> None:
     assert ScenarioSpec(**ScenarioSpec.load(file).to_dict()) == ScenarioSpec.load(file)
     wheels = [index for index, name in enumerate(world.parts.name) if "ego" in name and "wheel" in name]
     steered = []
-    for state in (world.at(time) for time in np.arange(4.0, 20.0, 0.5)):
+    for state in (world.at(time) for time in np.arange(4.0, 20.0, 1.0)):
         axles = [state.part_pose(part).rotation[:, 1] for part in wheels]  # axes, whatever the wheels have rolled
         steered.append([np.degrees(np.arcsin(state.actor_pose("ego").rotation[:, 0] @ axle)) for axle in axles])
     most = np.abs(steered).max(0)

@@ -117,7 +117,9 @@ def street() -> WorldState:
 
 @pytest.mark.parametrize("name", sorted(PRESETS))
 def test_every_named_lidar_scans_a_street(street: WorldState, name: str) -> None:
+    """With a tenth of its columns: shares of some thousand shots, whose bounds are far from what all of them have."""
     spec = LidarSpec.preset(name)
+    spec = spec.with_(scan=spec.scan.with_(num_azimuth=spec.scan.num_azimuth // 10))
     mount = street.mount("ego", Pose(np.array([0.0, 0.0, 1.9])))
     scan = Lidar(spec).observe(street, mount, np.random.default_rng(0))
     assert 0.15 < np.unique(scan.shot).size / spec.num_shots <= 1.0

@@ -43,7 +43,7 @@ def shot(world: World, number: int) -> np.ndarray:
 
 
 def test_recorded_images_have_the_bytes_of_new_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two streets in turn, while everything in them moves and garbage is collected: eight images of each."""
+    """Two streets in turn, while everything in them moves and garbage is collected: four images of each."""
     worlds = [street(tmp_path / "clear", HAZE.with_(visibility=None)), street(tmp_path / "hazy", HAZE)]
     runs: list[bool] = []
     found = recording._recorded
@@ -56,7 +56,7 @@ def test_recorded_images_have_the_bytes_of_new_ones(tmp_path: Path, monkeypatch:
     with monkeypatch.context() as counting:
         counting.setattr(recording, "_recorded", counted)
         recorded = []
-        for number in range(8):
+        for number in range(4):
             recorded += [shot(world, number) for world in worlds]
             gc.collect()
     assert sum(runs) == len(runs) - 2  # all but the first of each
@@ -64,14 +64,14 @@ def test_recorded_images_have_the_bytes_of_new_ones(tmp_path: Path, monkeypatch:
         kinds = recording._RECORDED[world.twin("optical")]
         assert [kept._render.n_recordings <= 3 for kept in kinds.values() if kept is not None] == [True]
     monkeypatch.setattr(recording, "_recorded", lambda *_: None)
-    traced = [shot(world, number) for number in range(8) for world in worlds]
+    traced = [shot(world, number) for number in range(4) for world in worlds]
     assert all(np.array_equal(*pair) for pair in zip(recorded, traced, strict=True))
-    assert len({image.tobytes() for image in traced}) == 16
+    assert len({image.tobytes() for image in traced}) == 8
 
 
 def test_a_recording_goes_with_its_world(tmp_path: Path) -> None:
     world = street(tmp_path / "street", HAZE)
-    for number in range(3):
+    for number in range(2):
         shot(world, number)
     twin, kinds = weakref.ref(world.twin("optical")), weakref.ref(recording._RECORDED[world.twin("optical")])
     del world
@@ -87,7 +87,7 @@ def test_another_number_of_threads_is_another_kind(tmp_path: Path) -> None:
     images = []
     for count in (2, 3, 2):
         limit_threads(count)
-        images.append([shot(world, number).tobytes() for number in range(4)])
+        images.append([shot(world, number).tobytes() for number in range(2)])
     limit_threads(2)
     assert images[0] == images[1] == images[2]
     assert [key[-1] for key in recording._RECORDED[world.twin("optical")]] == [3, 2]  # the last used at the end

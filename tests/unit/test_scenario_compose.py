@@ -110,7 +110,7 @@ def test_the_same_everywhere(folder) -> None:
             for t in spec.times
         ]
 
-    spec = load(folder, DRIVE + "traffic: {density: 20}\nrandomization: {placements: true}\n")
+    spec = load(folder, DRIVE + "traffic: {density: 8}\nrandomization: {placements: true}\n")
     assert states(spec) == states(pickle.loads(pickle.dumps(spec))) == states(spec.resolved())
     assert states(spec) != states(spec.with_(seed=1))
 

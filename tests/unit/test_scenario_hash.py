@@ -74,7 +74,6 @@ CHANGES = [
     {"randomization": {"placements": True}},
     {"randomization": {"placements": {"along": 1.0}}},
     {"randomization": {"traffic": False}},
-    {"traffic": None},
     {"traffic.density": 4.0},
     {"traffic.mix": {"small_car": 1, "van": 1}},
     {"traffic.pedestrians": 1},
@@ -112,10 +111,13 @@ def changed(base: ScenarioSpec, change: dict) -> ScenarioSpec:
 
 
 def test_every_field_that_decides_frames_changes_it(base, configuration) -> None:
-    found = [configuration] + [scene_configuration(changed(base, change)) for change in CHANGES]
+    """Each change of the scenario without its traffic, which takes half of the time, but for those of the traffic."""
+    bare, changes = base.with_(traffic=None), [{}, {"traffic": None}, *CHANGES]
+    found = [configuration, scene_configuration(bare)]
+    found += [scene_configuration(changed(base if "traffic" in str(change) else bare, change)) for change in CHANGES]
     for index, one in enumerate(found):
         same = [number for number, other in enumerate(found) if other == one and number != index]
-        assert not same, (CHANGES[index - 1], [CHANGES[number - 1] for number in same])
+        assert not same, (changes[index], [changes[number] for number in same])
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,8 @@ SCENES = scene_names()
 FIRST = ("highway_guardrail", "urban_crossing")
 """The two scenes whose variant 0 has cars and people of meshes of its own; those have tests of their own."""
 NEW = tuple(name for name in SCENES if name not in FIRST)
+ALL = (*NEW, *(pytest.param(name, marks=pytest.mark.slow) for name in FIRST))
+"""The default run loads the same three for all tests, none of the first two."""
 TIMES = np.linspace(0.0, 8.0, 17)
 KINDS = {
     "roundabout": {"Roads", "RoadLine", "SideWalks", "Terrain", "Building", "Vegetation", "Pole", "TrafficSign"},
@@ -80,7 +82,7 @@ def test_a_scene_has_what_makes_its_kind_of_place(name):
 
 
 @pytest.mark.some(3)
-@pytest.mark.parametrize("name", SCENES, scope="module")
+@pytest.mark.parametrize("name", ALL, scope="module")
 def test_lanes_are_a_network_and_lie_on_the_ground(name):
     world = world_of(name)
     network = world.document.lanes  # joints (0.1 m, 5 deg) were checked when it was made
@@ -109,7 +111,7 @@ def _ray_down(state, starts, actors):
 def test_actors_stand_on_the_ground(name):
     """A ray down from 5 cm above the origin of each actor, below its bodywork, in a world without its actors."""
     world = world_of(name)
-    for time in TIMES[::4]:
+    for time in TIMES[::8]:
         state = world.at(time)
         actors = _actors(world)
         places = np.array([state.actor_pose(actor.name).position for actor in world.actors])
@@ -124,7 +126,7 @@ def test_actors_stand_on_the_ground(name):
 
 
 @pytest.mark.some(3)
-@pytest.mark.parametrize("name", SCENES, scope="module")
+@pytest.mark.parametrize("name", ALL, scope="module")
 def test_nobody_runs_into_anybody_or_into_a_wall(name):
     world = world_of(name)
     for time in TIMES:
@@ -180,7 +182,7 @@ def test_a_radar_of_the_ego_car_sees_the_others(name):
 
 
 @pytest.mark.some(3)
-@pytest.mark.parametrize("name", SCENES, scope="module")
+@pytest.mark.parametrize("name", ALL, scope="module")
 def test_motion_is_smooth(name):
     """Accelerations of cars stay within what tyres give (9 m/s2), and nobody jumps."""
     world = world_of(name)

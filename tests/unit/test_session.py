@@ -37,6 +37,8 @@ RIG = ss.Rig(
         SensorMount("lidar", "lidar", ss.LidarSpec(scan=ss.RasterScan(num_azimuth=41, num_elevation=8)), MOUNT),
     ),
 )
+LIDAR, ONLY_RADAR = (ss.Rig(name, (RIG.sensors[number],)) for number, name in ((2, "lidar"), (0, "radar")))
+"""The first where only motion is looked at."""
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +102,7 @@ def test_sensors_look_at_their_own_rates(session: ss.Session, world: ss.World) -
 
 def test_velocities_are_derived_where_they_are_not_told(world: ss.World) -> None:
     turned = {0.0: ss.Pose([0, 0, 0]), 0.1: ss.Pose.from_euler([0.5, 0.1, 0], yaw=0.02)}
-    with ss.Session(world, RIG, vehicle=ss.Pose([-30, 0, 1.0])) as session:
+    with ss.Session(world, LIDAR, vehicle=ss.Pose([-30, 0, 1.0])) as session:
         session._rates = dict.fromkeys(session._rates, 1e-3)  # only motion is looked at
         with pytest.warns(ScarlWarning, match="'car' comes without its velocity"):
             first = session.step(0.0, {"car": turned[0.0]})
@@ -143,7 +145,7 @@ def test_actors_come_and_go_and_a_record_gives_the_same_bytes(world: ss.World) -
 def test_wheels_and_legs_do_not_keep_what_was_only_expected(world: ss.World) -> None:
     """A frame looks beyond its step (blocks of chirps, a turning lidar); joints must not sum what came otherwise."""
     settings = ss.SessionSettings(bodies={"small_car": 1}, record=True)
-    with ss.Session(world, RIG, settings, vehicle=ss.Pose([-30, 0, 1.0])) as session:
+    with ss.Session(world, LIDAR, settings, vehicle=ss.Pose([-30, 0, 1.0])) as session:
         session._rates = dict.fromkeys(session._rates, 1e-3)
         actor = session.world.actor("body-1")
         for number, speed in enumerate((10.0, 2.0, 7.0, 1.0)):
@@ -177,8 +179,9 @@ def test_wheels_and_legs_do_not_keep_what_was_only_expected(world: ss.World) -> 
     ],
 )
 def test_bad_input_raises_and_leaves_the_session_as_it_was(
-    session: ss.Session, world: ss.World, time: float, poses: dict, error: type[Exception], words: str
+    world: ss.World, time: float, poses: dict, error: type[Exception], words: str
 ) -> None:
+    session = ss.Session(world, LIDAR)
     session._rates = dict.fromkeys(session._rates, 1e-3)
     session.step(0.1, told(world, 0.1))
     with warnings.catch_warnings(), pytest.raises(error, match=words):
@@ -219,14 +222,15 @@ def test_what_a_session_needs(world: ss.World, tmp_path: Path) -> None:
 
 
 def test_what_the_scene_moves_goes_on_by_itself(world: ss.World) -> None:
-    with ss.Session(world, RIG, ss.SessionSettings(keep=("car",))) as session:
+    with ss.Session(world, LIDAR, ss.SessionSettings(keep=("car",))) as session:
         session._rates = dict.fromkeys(session._rates, 1e-3)
         frame = session.step(0.5, {"ego": ss.ActorPose(ss.Pose(), ss.Twist())})
     place = next(item.world_from_box.position for item in frame.objects if item.name == "car")
     np.testing.assert_array_equal(place[:2], world.at(0.5).actor_pose("car").position[:2])
 
 
-def test_a_session_begins_anew_with_the_same_bytes(session: ss.Session, world: ss.World) -> None:
+def test_a_session_begins_anew_with_the_same_bytes(world: ss.World) -> None:
+    session = ss.Session(world, ONLY_RADAR, ss.SessionSettings(radar=FAST))
     first = session.step(0.0, told(world, 0.0))
     session.step(0.5, {"ego": told(world, 0.5)["ego"]})
     session.restart()

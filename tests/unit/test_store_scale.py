@@ -47,7 +47,7 @@ def make(out: Path, num_frames: int) -> Path:
     return out
 
 
-def cpu_seconds(work: Callable[[], object], rounds: int = 3) -> float:
+def cpu_seconds(work: Callable[[], object], rounds: int = 2) -> float:
     """Return the least CPU time of a few rounds [s]."""
     taken = []
     for _ in range(rounds):

@@ -45,6 +45,8 @@ MAPS = {
     "motorway": bend("motorway"),
     "furnished": maps.MAPS["furnished"],
 }
+TOWN = 7
+"""Variant of the town that has all that a street can get."""
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +55,8 @@ def worlds(tmp_path_factory):
     folder = tmp_path_factory.mktemp("maps")
     known = {}
 
-    def world(name: str, variant: int = 1):
+    def world(name: str, variant: int | None = None):
+        variant = (TOWN if name == "town" else 1) if variant is None else variant
         if (name, variant) not in known:
             file = folder / f"{name}.xodr"
             file.write_text(MAPS[name])
@@ -139,7 +142,7 @@ def test_a_place_gets_what_its_kind_of_road_has(worlds):
 
 
 def test_building_sites_and_scaffolding_keep_off_lanes_and_pavements(worlds):
-    world, file = worlds("town", 2)
+    world, file = worlds("town")
     assert (
         has(world, "site_hut") and has(world, "site_fence") and has(world, "barrier_board") and has(world, "scaffold")
     )
@@ -149,7 +152,7 @@ def test_building_sites_and_scaffolding_keep_off_lanes_and_pavements(worlds):
 
 
 def test_patches_covers_and_rails_lie_flush_in_the_carriageway(worlds):
-    world, file = worlds("town", 7)
+    world, file = worlds("town")
     road = read_map(file).roads["1"]
     generator, met = np.random.default_rng(4), {}
     for lane in (1, -1):
@@ -197,11 +200,11 @@ def test_pavements_are_raised_and_go_down_where_they_end(worlds):
     assert cast_down(bare, inner + 0.5 * (outer - inner), 1.0)[0] == pytest.approx([0.0, 0.0], abs=1e-3)
 
 
-def test_a_carriageway_without_an_edge_gets_a_kerb_in_town_and_a_verge_elsewhere(tmp_path):
-    for kind, height, semantic in (("town", 0.12, "sidewalks"), ("rural", 0.0, "ground")):
-        file = tmp_path / f"{kind}.xodr"
-        file.write_text(bend(kind))
-        world = ss.load_scene(file, variant=3, detail="light")
+def test_a_carriageway_without_an_edge_gets_a_kerb_in_town_and_a_verge_elsewhere(worlds, tmp_path):
+    file = tmp_path / "town.xodr"
+    file.write_text(bend("town"))
+    town = ss.load_scene(file, variant=3, detail="light")
+    for world, height, semantic in ((town, 0.12, "sidewalks"), (worlds("rural")[0], 0.0, "ground")):
         place = np.array([[60.0, side * (3.5 + 0.08), 0.02 * 60.0] for side in (1.0, -1.0)])
         found, names = cast_down(world, place, 1.0)
         assert found == pytest.approx([height, height], abs=2e-3)
@@ -211,7 +214,7 @@ def test_a_carriageway_without_an_edge_gets_a_kerb_in_town_and_a_verge_elsewhere
 def test_without_a_seed_a_map_stays_as_its_file_states(worlds):
     world, _ = worlds("town", 0)
     assert not made_up(world)
-    assert world.document.info["variant"] == 0 and worlds("town")[0].document.info["variant"] == 1
+    assert world.document.info["variant"] == 0 and worlds("town")[0].document.info["variant"] == TOWN
 
 
 def _sums(folder) -> dict[str, str]:
@@ -220,11 +223,13 @@ def _sums(folder) -> dict[str, str]:
 
 
 def test_same_seed_same_bytes_and_another_seed_another_place(tmp_path, worlds):
-    street = read_map(worlds("town")[1])
-    for name, variant in (("a", 7), ("b", 7), ("c", 8)):
+    world, file = worlds("town")
+    street = read_map(file)
+    for name, variant in (("a", TOWN), ("b", TOWN + 1)):
         build_scene(street, tmp_path / name, "light", variant)
-    assert _sums(tmp_path / "a") == _sums(tmp_path / "b")
-    assert _sums(tmp_path / "a")["town.xml"] != _sums(tmp_path / "c")["town.xml"]
+    first = _sums(world.document.path.parent)
+    assert _sums(tmp_path / "a") == first
+    assert _sums(tmp_path / "b")["town.xml"] != first["town.xml"]
 
 
 def test_what_is_made_up_does_not_overlap(worlds):

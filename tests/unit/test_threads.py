@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 CODE = """
 from scarl_sionna.engine.threads import limit_threads
@@ -18,17 +20,6 @@ with variant.optical():
     import numpy as np
     mi.Bitmap(np.ones((64, 64, 3), np.float32)).write({path!r})
 """
-
-
-def test_a_process_with_the_fewest_threads_writes_an_image(tmp_path) -> None:
-    """With a thread count of one it would hang (Mitsuba 3.9.1, Dr.Jit 1.5.0)."""
-    path = tmp_path / "image.exr"
-    done = subprocess.run(
-        [sys.executable, "-c", CODE.format(path=str(path))], capture_output=True, text=True, timeout=120, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["2"]
-    assert path.stat().st_size > 0
 
 
 STRETCHES = """
@@ -65,21 +56,6 @@ print(*found)
 """
 
 
-def test_stretches_of_small_kernels_leave_other_threads_out_and_large_ones_take_them_in(tmp_path) -> None:
-    """In a process of its own, since the count of threads is the process's; the image would hang with one thread."""
-    path = tmp_path / "image.exr"
-    done = subprocess.run(
-        [sys.executable, "-c", STRETCHES.format(path=str(path))],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert [int(count) for count in done.stdout.split()] == [3, 1, 3, 1, 2, 3, 1, 3, 3]
-    assert path.stat().st_size > 0
-
-
 IDLE = """
 import time
 from scarl_sionna.engine import threads, variant
@@ -103,15 +79,6 @@ with variant.optical() as mi:
 """
 
 
-def test_idle_threads_cost_no_processor_time_between_small_kernels() -> None:
-    """The reason for few_threads: what other threads of the process take while the caller works for 30 x 3 ms."""
-    done = subprocess.run([sys.executable, "-c", IDLE], capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
-    as_it_is, few = (float(value) for value in done.stdout.split())
-    assert few < 0.02  # 0.00 s here
-    assert few < as_it_is  # 0.08 s; less where other processes take the core
-
-
 PENDING = """
 from scarl_sionna.engine import threads
 from scarl_sionna.engine.backend.bootstrap import ensure_engine
@@ -122,7 +89,7 @@ import numpy as np
 threads.limit_threads(2)
 rng = np.random.default_rng(1)
 number = drjit.arange(llvm.UInt32, 200_000)
-for _ in range(400):
+for _ in range(150):
     threads.limit_threads(int(rng.choice([2, 4, 16])))
     with threads.few_threads():
         sums = drjit.zeros(llvm.Float64, 64)
@@ -171,6 +138,45 @@ print(*found)
 """
 
 
-def test_who_is_not_alone_changes_no_number_of_threads() -> None:
-    done = subprocess.run([sys.executable, "-c", TOGETHER], capture_output=True, text=True, timeout=120, check=False)
-    assert done.stdout.split() == ["1", "1", "3"], done.stderr
+@pytest.fixture(scope="module")
+def told(tmp_path_factory) -> tuple[dict[str, list[str]], Path]:
+    """Return what each part prints, and where they write images.
+
+    One after the other in a process of their own, since the count of threads is the process's.
+    """
+    folder = tmp_path_factory.mktemp("threads")
+    parts = {
+        "fewest": CODE.format(path=str(folder / "fewest.exr")),
+        "stretches": STRETCHES.format(path=str(folder / "stretches.exr")),
+        "together": TOGETHER,
+        "idle": IDLE,
+    }
+    code = "".join(f"print({name!r}, flush=True, end=' ')\nexec({text!r}, {{}})\n" for name, text in parts.items())
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return {words[0]: words[1:] for words in map(str.split, done.stdout.splitlines())}, folder
+
+
+def test_a_process_with_the_fewest_threads_writes_an_image(told) -> None:
+    """With a thread count of one it would hang (Mitsuba 3.9.1, Dr.Jit 1.5.0)."""
+    said, folder = told
+    assert said["fewest"] == ["2"]
+    assert (folder / "fewest.exr").stat().st_size > 0
+
+
+def test_stretches_of_small_kernels_leave_other_threads_out_and_large_ones_take_them_in(told) -> None:
+    """The image would hang with one thread."""
+    said, folder = told
+    assert [int(count) for count in said["stretches"]] == [3, 1, 3, 1, 2, 3, 1, 3, 3]
+    assert (folder / "stretches.exr").stat().st_size > 0
+
+
+def test_idle_threads_cost_no_processor_time_between_small_kernels(told) -> None:
+    """The reason for few_threads: what other threads of the process take while the caller works for 30 x 3 ms."""
+    as_it_is, few = (float(value) for value in told[0]["idle"])
+    assert few < 0.02  # 0.00 s here
+    assert few < as_it_is  # 0.08 s; less where other processes take the core
+
+
+def test_who_is_not_alone_changes_no_number_of_threads(told) -> None:
+    assert told[0]["together"] == ["1", "1", "3"]

@@ -119,8 +119,8 @@ def test_same_seed_same_bytes() -> None:
 
 
 def test_no_collision_and_possible_motion(busy: list[PlannedActor]) -> None:
-    assert find_collisions(boxes(busy), np.linspace(0.0, 30.0, 601)) == []  # type: ignore[arg-type]
-    assert check_motion([(one.name, one.trajectory) for one in busy], np.linspace(0.01, 29.99, 800)) == []
+    assert find_collisions(boxes(busy), np.linspace(0.0, 30.0, 301)) == []  # type: ignore[arg-type]
+    assert check_motion([(one.name, one.trajectory) for one in busy], np.linspace(0.01, 29.99, 300)) == []
     fine = np.linspace(0.0, 30.0, 1501)
     for actor in busy:
         if isinstance(actor.trajectory, PathTrajectory):
@@ -203,7 +203,7 @@ def test_nobody_passes_a_red_signal(busy: list[PlannedActor]) -> None:
 
 def test_right_of_way_without_signals() -> None:
     actors = simulate_traffic(crossing(signals=False), TrafficSpec(density=15.0, seed=1), (0.0, 25.0), models=BODIES)
-    assert find_collisions(boxes(actors), np.linspace(0.0, 25.0, 501)) == []  # type: ignore[arg-type]
+    assert find_collisions(boxes(actors), np.linspace(0.0, 25.0, 251)) == []  # type: ignore[arg-type]
     assert CRITICAL_HEADWAY == 4.5
 
 

@@ -13,6 +13,10 @@ from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import LaneNetwork
 
+SPAN = 30.0
+"""Time within which a queue without a bound is far beyond what is asked for [s]: of three seeds at either place 2.7
+times and more, and at most 1.5 times with the bound."""
+
 
 def lanes_of(scene: str) -> LaneNetwork:
     network = read_document(find_scene(scene)).lanes
@@ -24,13 +28,13 @@ def density(scene: str, asked: float, seed: int, times: np.ndarray) -> np.ndarra
     """Return the vehicles on a kilometre of lane at some times."""
     network = lanes_of(scene)
     kilometres = sum(lane.length for lane in network.of_kind("drive")) / 1000.0
-    actors = simulate_traffic(network, TrafficSpec(density=asked, seed=seed), (0.0, 60.0))
+    actors = simulate_traffic(network, TrafficSpec(density=asked, seed=seed), (0.0, SPAN))
     return np.array([sum(one.active[0] <= time <= one.active[1] for one in actors) for time in times]) / kilometres
 
 
 @pytest.mark.parametrize(("scene", "asked"), [("signalised_crossing", 12.0), ("roundabout", 10.0)])
 def test_queues_do_not_grow_without_end(scene, asked, monkeypatch) -> None:
-    late = np.arange(40.0, 60.0, 2.0)
+    late = np.arange(20.0, SPAN, 2.0)
     held = density(scene, asked, 1, late).mean()
     monkeypatch.setattr(simulated, "PASSES", 1)
     free = density(scene, asked, 1, late).mean()
@@ -39,7 +43,7 @@ def test_queues_do_not_grow_without_end(scene, asked, monkeypatch) -> None:
 
 
 def test_where_the_way_is_free_nothing_changes(monkeypatch) -> None:
-    times = np.arange(0.0, 60.0, 5.0)
+    times = np.arange(0.0, SPAN, 5.0)
     held = density("country_road", 8.0, 0, times)
     monkeypatch.setattr(simulated, "PASSES", 1)
     np.testing.assert_array_equal(held, density("country_road", 8.0, 0, times))

@@ -207,9 +207,9 @@ def test_a_ball_seen_in_a_sign_is_found_by_its_reverse_and_computed_finer(tmp_pa
         Thing("van", ball(0.372, (10.633, -3.913, 0.365), 5), "Static", "steel"),
     ]
     state = load_scene(write_scene(tmp_path, things)).at(0.0)
-    fine = SbrSettings(max_phase=0.4, integration_phase=0.05, edge_share=0.0625, sheet_share=0.05, max_depth=5)
-    true = power_db(traced(state, fine), 1)
-    assert abs(power_db(solved(state, channel_tolerance_db=3.0, refine_share=0.0), 1) - true) < 1.5
+    fine = SbrSettings(max_phase=0.4, integration_phase=0.05, edge_share=0.0625, sheet_share=0.05, max_depth=2)
+    true = power_db(traced(state, fine), 1)  # 0.16 dB above that of five bounces
+    assert abs(power_db(solved(state, channel_tolerance_db=3.0, refine_share=0.0), 1) - true) < 1.3
     monkeypatch.setattr(returning, "FINER", 1.0)
     coarse = LEVELS[3.0].with_(max_phase=3.0, integration_phase=0.2, return_angle=0.8, sheet_share=0.15)
     levels = tuple(coarse if level is LEVELS[3.0] else level for level in LEVELS.values())
@@ -217,7 +217,7 @@ def test_a_ball_seen_in_a_sign_is_found_by_its_reverse_and_computed_finer(tmp_pa
     settled, unpaid = (
         solved(state, channel_tolerance_db=3.0, auto={**rules, "refine_share": share}) for share in (2.0, 0.0)
     )
-    assert abs(power_db(unpaid, 1) - true) > 4.0 and abs(power_db(settled, 1) - true) < 1.5
+    assert abs(power_db(unpaid, 1) - true) > 4.0 and abs(power_db(settled, 1) - true) < 1.3
     assert rows(settled)["corner"]["refined"] and not rows(unpaid)["corner"]["refined"]
     assert rows(unpaid)["corner"]["doubt_db"] > 3.0 and rows(unpaid)["corner"]["expected_error_db"] > 3.0
     assert settled.diagnostics["second_look_tubes"] < 2.0 * settled.diagnostics["predicted"]["tubes"]

@@ -25,7 +25,7 @@ def save(path: Path, image: Array | Image.Image, levels: int = 32) -> None:
     Arrays are rounded to `levels` steps, so that files stay small.
     """
     if isinstance(image, Image.Image):
-        image.save(path, optimize=True)
+        image.save(path, compress_level=textures.PNG_LEVEL)
     else:
         textures.save(path, image, levels)
 
