@@ -6,9 +6,15 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-import scipy.signal
 
 Complex = npt.NDArray[np.complex128]
+
+_TAPS = {
+    2: (1,), 3: (2,), 4: (3,), 5: (3,), 6: (5,), 7: (6,), 8: (7, 6, 1), 9: (5,), 10: (7,), 11: (9,),
+    12: (11, 10, 4), 13: (12, 11, 8), 14: (13, 12, 2), 15: (14,), 16: (15, 13, 4),
+}  # fmt: skip # a table
+"""Of a primitive polynomial by its number of bits: which of the values before a chip it is made of, as
+`scipy.signal.max_len_seq` has them. That package takes every command a second of CPU time to import."""
 
 
 def m_sequence(length: int) -> Complex:
@@ -19,7 +25,10 @@ def m_sequence(length: int) -> Complex:
     .. [1] S. W. Golomb, *Shift Register Sequences*, Holden-Day, 1967.
     """
     bits = _order(length, "2**n - 1 with n from 2 to 16", 1)
-    return np.asarray(1.0 - 2.0 * scipy.signal.max_len_seq(bits)[0].astype(np.float64), dtype=np.complex128)
+    chips = [1] * bits  # a chip follows from those at most `bits` before it
+    for now in range(length - bits):
+        chips.append(chips[now] ^ sum(chips[now + tap] for tap in _TAPS[bits]) % 2)
+    return np.asarray(1.0 - 2.0 * np.array(chips[:length], dtype=np.float64), dtype=np.complex128)
 
 
 def gold(length: int, index: int) -> Complex:
