@@ -3,9 +3,8 @@
 Names are imported when they are first used: the bootstrap, and what asks for memory, need no world.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING
-
-import lazy_loader
 
 if TYPE_CHECKING:
     from .load import load_scene, stage
@@ -13,6 +12,9 @@ if TYPE_CHECKING:
 
 __all__ = ["World", "WorldState", "load_scene", "stage"]
 
-__getattr__, __dir__, _ = lazy_loader.attach(
-    __name__, submod_attrs={"load": ["load_scene", "stage"], "world": ["World", "WorldState"]}
-)
+
+def __getattr__(name: str) -> object:
+    """Import a public name on first use (PEP 562)."""
+    if name not in __all__:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(import_module(".world" if name.startswith("World") else ".load", __name__), name)
