@@ -1,8 +1,9 @@
 """Tests marked `own_process` run in a process of their own and are reported where they stand.
 
-There is one for all of a file, or for all of a file whose marks have the same argument: `own_process("first")`. So do
-all tests of a file that starts when the process already holds much (`conftest.FULL_MEMORY`), but in one process for
-one such file after another (`helper_process`).
+There is one for all of a file, or for all of a file whose marks have the same argument: `own_process("first")`. Those
+marked `own_process(shared=True)` run in one process for one such file after another (`helper_process`), until it holds
+much; each start would cost five seconds of CPU time. So do all tests of a file that starts when the worker itself
+already holds much (`conftest.FULL_MEMORY`).
 
 TensorFlow stays in a process for ever and takes 0.5 GB; with it and a detailed scene a worker would pass the goal of
 1.5 GB.
@@ -30,14 +31,21 @@ RESULTS = "SCARL_TEST_RESULTS"
 WITHOUT = [f"-pno:{name}" for name in ("cacheprovider", "hypothesispytest", "zarr", "xdist", "xdist.looponfail")]
 """Plugins that such a process starts without: a second of CPU time each time."""
 
+SHARED_MEMORY = 0.8e9
+"""A shared process that holds more than this [bytes] after a file ends; the engine alone takes 0.4 GB, and the next
+file may need a whole frame beside."""
+
 peaks: dict[str, int] = {}
 """Most memory of each such process that this one has started [bytes], by the file."""
 _outcomes: dict[str, dict[str, tuple[str, str]]] = {}
+_shared = HelperProcess(SHARED_MEMORY)
 
 
 def send_away(items: list[pytest.Item], options: list[str]) -> None:
     """Let marked tests take their outcome from the other process, which starts with the first of a file."""
-    _send([item for item in items if "own_process" in item.keywords], options, _end_of_own)
+    marked = [item for item in items if "own_process" in item.keywords]
+    _send([item for item in marked if not _is_shared(item)], options, _end_of_own)
+    _send([item for item in marked if _is_shared(item)], options, _shared.run)
 
 
 def send_to(helper: HelperProcess, items: list[pytest.Item], options: list[str]) -> None:
@@ -58,6 +66,10 @@ def _send(items: list[pytest.Item], options: list[str], run: Run) -> None:
         together = groups[_group(item)]
         item.fixturenames = []  # type: ignore[attr-defined]  # a new list: other cases of the function share the old one
         item.runtest = partial(_take_outcome, item.nodeid, together, options, run)  # type: ignore[method-assign]
+
+
+def _is_shared(item: pytest.Item) -> bool:
+    return any(mark.kwargs.get("shared", False) for mark in item.iter_markers("own_process"))
 
 
 def _group(item: pytest.Item) -> tuple[object, ...]:

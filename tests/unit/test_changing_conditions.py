@@ -38,11 +38,8 @@ def bytes_of(world, time):
 def test_sensors_see_the_conditions_of_their_time(dry) -> None:
     """A frame has the bytes of a world in which the conditions of its time hold all the time, in any order."""
     world = dry.with_changes(CHANGES)
-    fixed = {
-        0.5: dry, 1.0: dry.with_weather(FOG), 1.99: dry.with_weather(FOG),
-        2.0: dry.with_lighting(NIGHT).with_weather(RAIN),
-    }  # fmt: skip # a table
-    seen = {time: bytes_of(world, time) for time in (2.0, 0.5, 1.99, 1.0)}
+    fixed = {0.99: dry, 1.0: dry.with_weather(FOG), 2.0: dry.with_lighting(NIGHT).with_weather(RAIN)}
+    seen = {time: bytes_of(world, time) for time in (2.0, 0.99, 1.0)}
     for time, other in fixed.items():
         assert seen[time] == bytes_of(other, time), time
     assert all(a != b for a, b in zip(bytes_of(dry, 1.0), seen[1.0], strict=True))  # and each sensor sees the fog

@@ -29,7 +29,9 @@ from scenes_xml.signalised_crossing import layout as crossing
 from scenes_xml.tunnel import layout as tunnel
 from tests.oracles.multipath import mirrored
 
-pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
+pytestmark = pytest.mark.own_process(
+    shared=True
+)  # what it leaves behind would stay in the worker for the files after it
 
 RADAR = RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6)
 NIGHT = Lighting(sun_elevation_deg=-40.0, night_sky_luminance=0.0)

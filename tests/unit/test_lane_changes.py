@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.routes import Route
 from scarl_sionna.scenario.spec.actors import TrafficSpec
+from scarl_sionna.scenario.traffic import simulated
 from scarl_sionna.scenario.traffic.driver import HARDEST_BRAKING
 from scarl_sionna.scenario.traffic.lane_changes import LaneChange, changed_line, is_clear, is_wanted
 from scarl_sionna.scenario.traffic.planned import PlannedActor
@@ -34,14 +37,14 @@ def road(beside: bool = True, lanes: int = 3) -> LaneNetwork:
     return lanes_from_tables(tables)
 
 
-def drive(network: LaneNetwork, seed: int = 0) -> list[PlannedActor]:
+def drive(network: LaneNetwork, seed: int = 0, span: tuple[float, float] = SPAN) -> list[PlannedActor]:
     spec = TrafficSpec(density=12.0, seed=seed, mix={"saloon": 0.7, "lorry": 0.3})
-    return simulate_traffic(network, spec, SPAN, models=BODIES)
+    return simulate_traffic(network, spec, span, models=BODIES)
 
 
-def sides(actor: PlannedActor) -> np.ndarray:
+def sides(actor: PlannedActor, span: tuple[float, float] = SPAN) -> np.ndarray:
     """Distance to the left of the middle of the rightmost lane [m], 10 times a second."""
-    return sample_motion(actor.trajectory, np.arange(*SPAN, 0.1)).position[:, 1]
+    return sample_motion(actor.trajectory, np.arange(*span, 0.1)).position[:, 1]
 
 
 def changes(actor: PlannedActor) -> int:
@@ -99,7 +102,20 @@ def test_the_fast_overtake_the_slow() -> None:
     assert passed[True] >= 2 and passed[False] == 0
 
 
-def test_they_begin_at_the_speed_that_they_settle_to() -> None:
+def test_they_begin_at_the_speed_that_they_settle_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without time to settle, too: who is on the road at 0 s and at 5 s has one mean speed.
+
+    Of six seeds its change is 0.9 % +- 0.9 %; 27 % if all begin as fast as they wish, -8 % if a fifth slower.
+    """
+    monkeypatch.setattr(simulated, "CHANGING", 0.1)
+    spec = TrafficSpec(density=20.0, mix={"saloon": 0.7, "lorry": 0.3})
+    there = [one for one in simulate_traffic(road(), spec, (0.0, 5.0), models=BODIES) if one.active == (0.0, 5.0)]
+    speeds = np.array([sample_motion(one.trajectory, np.array([0.0, 5.0])).velocity[:, 0] for one in there])
+    assert len(speeds) > 30 and speeds[:, 0].mean() == pytest.approx(speeds[:, 1].mean(), rel=0.04)
+
+
+@pytest.mark.slow
+def test_speed_stays_as_vehicles_come_and_go() -> None:
     """Mean over three seeds of the speeds on the road, at first and from 10 to 30 s."""
     times = np.array([*np.arange(0.0, 3.0, 0.5), *np.arange(10.0, 30.0, 1.0)])
     rows = []
@@ -112,21 +128,21 @@ def test_they_begin_at_the_speed_that_they_settle_to() -> None:
     assert 25.0 < later < 33.0 and first == pytest.approx(later, rel=0.03)
 
 
-def test_the_same_arguments_give_the_same_bytes(busy) -> None:
-    again = drive(road())
-    assert [actor.name for actor in again] == [actor.name for actor in busy]
-    for one, other in zip(again, busy, strict=True):
-        assert sides(one).tobytes() == sides(other).tobytes()
+def test_the_same_arguments_give_the_same_bytes() -> None:
+    one, again = (drive(road(), span=(0.0, 2.0)) for _ in range(2))  # and 15 s before, in which lanes are changed
+    assert [actor.name for actor in again] == [actor.name for actor in one]
+    assert [sides(actor, (0.0, 2.0)).tobytes() for actor in again] == [sides(a, (0.0, 2.0)).tobytes() for a in one]
 
 
 def test_nobody_cuts_in_on_a_body_whose_motion_is_given() -> None:
-    network = road()
-    ego = Route(network, ["lane_1"]).trajectory(30.0, 25.0, model=ActorBody(), duration=SPAN[1])
+    network, span = road(), (0.0, 15.0)
+    ego = Route(network, ["lane_1"]).trajectory(30.0, 25.0, model=ActorBody(), duration=span[1])
     spec = TrafficSpec(density=8.0, seed=4, mix={"saloon": 0.7, "lorry": 0.3})
-    actors = simulate_traffic(network, spec, SPAN, models=BODIES, others=[(ego, ActorBody())])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # who would meet the ego is left out, which is told
+        actors = simulate_traffic(network, spec, span, models=BODIES, others=[(ego, ActorBody())])
     bodies = [("ego", ego, ActorBody()), *((one.name, one.trajectory, one.body) for one in actors)]
-    assert find_collisions(bodies, np.arange(*SPAN, 0.05)) == []
-    assert len(actors) > 0.95 * len(simulate_traffic(network, spec, SPAN, models=BODIES))  # hardly any was left out
+    assert len(actors) > 30 and find_collisions(bodies, np.arange(*span, 0.05)) == []
 
 
 class Way:

@@ -25,7 +25,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.noise import angle_cell_noise_power
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-pytestmark = pytest.mark.own_process
+pytestmark = pytest.mark.own_process(shared=True)
 
 RADAR = RadarSpec().with_(pattern=IsotropicPattern())
 POSE = Pose([0.0, 0.0, 0.6])

@@ -61,24 +61,24 @@ def test_bodies_of_ready_scenarios_never_touch(name) -> None:
 
 
 @pytest.mark.some(2)
+@pytest.mark.parametrize("seed", [0, 2])
 @pytest.mark.parametrize("scene", ["roundabout", "parking_garage", "signalised_crossing", "motorway", "country_road"])
-def test_traffic_takes_bends_at_ease(scene) -> None:
+def test_traffic_takes_bends_at_ease(scene, seed) -> None:
     network = read_document(find_scene(scene)).lanes
     assert network is not None
     hardest, on_foot = 0.0, 12 if scene == "roundabout" else 0  # its pavements have corners
-    for seed in (0, 2):
-        spec = TrafficSpec(density=15.0, cyclists=3, pedestrians=on_foot, seed=seed)
-        for actor in simulate_traffic(network, spec, (0.0, 12.0)):
-            first, last = max(actor.active[0], 0.0), min(actor.active[1], 12.0)
-            along, across, _ = strains(actor.trajectory, first, last)
-            assert along < HARDEST and across < LATERAL, (actor.name, along, across)
-            hardest = max(hardest, across)
-            if hasattr(actor.trajectory, "way"):
-                times = np.arange(first, last, STEP)
-                speeds = actor.trajectory.speed(times)
-                assert speeds.size == 0 or speeds.min() > -0.01  # nobody rolls back at a stop
-                jerks = actor.trajectory.way.derivative(3)(times)
-                assert speeds.size == 0 or np.abs(jerks).max() < JERK, (actor.name, np.abs(jerks).max())
+    spec = TrafficSpec(density=15.0, cyclists=3, pedestrians=on_foot, seed=seed)
+    for actor in simulate_traffic(network, spec, (0.0, 12.0)):
+        first, last = max(actor.active[0], 0.0), min(actor.active[1], 12.0)
+        along, across, _ = strains(actor.trajectory, first, last)
+        assert along < HARDEST and across < LATERAL, (actor.name, along, across)
+        hardest = max(hardest, across)
+        if hasattr(actor.trajectory, "way"):
+            times = np.arange(first, last, STEP)
+            speeds = actor.trajectory.speed(times)
+            assert speeds.size == 0 or speeds.min() > -0.01  # nobody rolls back at a stop
+            jerks = actor.trajectory.way.derivative(3)(times)
+            assert speeds.size == 0 or np.abs(jerks).max() < JERK, (actor.name, np.abs(jerks).max())
     assert hardest > 0.6 * LATERAL or scene == "motorway"  # they do not crawl either
 
 

@@ -17,7 +17,7 @@ SMALL = ss.RadarSpec().with_(num_chirps=64, num_samples=64)
 CASCADE = ss.RadarSpec(
     waveform=ss.Fmcw(num_chirps=64, num_samples=32),
     array=ss.AntennaArray(
-        tx_positions=uniform_line(12, 4 * HALF_WAVE), rx_positions=uniform_line(16, HALF_WAVE), max_array_extent=2.0
+        tx_positions=uniform_line(12, 4 * HALF_WAVE), rx_positions=uniform_line(4, HALF_WAVE), max_array_extent=2.0
     ),
 )
 KINDS = {
@@ -49,7 +49,7 @@ def on_bin(radar, share):
 
 @pytest.mark.some(8)
 @pytest.mark.parametrize("kind", ["ddm", "ddm4", "bpm", "cdm"])
-@pytest.mark.parametrize("base", [SMALL, CASCADE], ids=["12", "192"])
+@pytest.mark.parametrize("base", [SMALL, CASCADE], ids=["12", "48"])
 @pytest.mark.parametrize("share", [0.0, 0.31, -0.77])
 def test_transmitters_are_separated_below_60_db(kind, base, share):
     """One transmitter alone leaves nothing in the channels of the others, in the cell of a target of known Doppler."""
@@ -73,7 +73,7 @@ def test_transmitters_are_separated_below_60_db(kind, base, share):
 
 @pytest.mark.some(5)
 @pytest.mark.parametrize("kind", list(KINDS))
-@pytest.mark.parametrize("base", [SMALL, CASCADE], ids=["12", "192"])
+@pytest.mark.parametrize("base", [SMALL, CASCADE], ids=["12", "48"])
 def test_channels_are_those_of_ideal_transmitters(kind, base):
     """In the cell of a moving target the channels are the ideal ones, whatever the multiplexing."""
     radar = coded(base, kind)

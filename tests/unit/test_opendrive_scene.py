@@ -14,7 +14,7 @@ from scarl_sionna.scene.streets.geometry.road import RoadShape
 from scarl_sionna.scene.streets.opendrive.street import read_map
 from tests import street_maps as maps
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has already, it would pass the bound of memory
 
 CENTIMETRE = 0.01
 ABOVE = 2.5

@@ -17,7 +17,7 @@ from scarl_sionna.scene.lanes import Signals
 from tests import openscenario_files as files
 from tests import street_maps as maps
 
-pytestmark = pytest.mark.own_process
+pytestmark = pytest.mark.own_process(shared=True)
 
 
 def controller() -> str:

@@ -25,7 +25,7 @@ from scarl_sionna.engine.world import WorldState
 from scarl_sionna.fusion import Rig, SensorMount
 from tests.scenes import Thing, box, plane, write_scene
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has already, it would pass the bound of memory
 
 IDEAL = PulsedReceiver(noise=False, speckle=False)
 SPEC = LidarSpec(

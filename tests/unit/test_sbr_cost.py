@@ -26,7 +26,7 @@ from scarl_sionna.radar.channel.sbr.cost import SAMPLES, SolveCost, coarser, sol
 from scarl_sionna.radar.channel.sbr.tracing import first_faces, tracer_between
 from tests.scenes import Thing, ball, box, plane, write_scene
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has already, it would pass the bound of memory
 
 RADAR = RadarSpec(elevation_fov_deg=120.0)
 POSE = Pose([0.0, 0.0, 0.5])

@@ -29,7 +29,7 @@ from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.simulation import load_world
 from tests.lane_scene import lane_scene
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has already, it would pass the bound of memory
 
 
 @pytest.fixture(scope="module")

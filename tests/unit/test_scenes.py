@@ -21,7 +21,7 @@ from scarl_sionna.engine.rays.overlap import overlapping_parts
 from scenes_xml import cache_folder, scene_names, scene_path
 from tests.plan_view import overlap
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has already, it would pass the bound of memory
 
 SCENES = scene_names()
 FIRST = ("highway_guardrail", "urban_crossing")

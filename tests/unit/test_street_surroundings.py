@@ -20,7 +20,7 @@ from scarl_sionna.scene.streets.surroundings.roadway import tram_lanes
 from scenes_xml.generators.plants import species
 from tests import street_maps as maps
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has already, it would pass the bound of memory
 
 MADE_UP = "beside_"
 WALK = maps.lane(2, 2.5, "sidewalk", "none"), maps.lane(-2, 2.5, "sidewalk", "none")

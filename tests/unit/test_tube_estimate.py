@@ -24,7 +24,7 @@ from tests.scenes import Thing, ball, box, plane, write_scene
 
 RADAR, POSE = RadarSpec(), Pose([0.0, 0.0, 0.8])
 
-pytestmark = pytest.mark.own_process  # six scenes
+pytestmark = pytest.mark.own_process(shared=True)  # six scenes
 
 
 def corner() -> trimesh.Trimesh:

@@ -22,7 +22,7 @@ from scarl_sionna.scene.actors.mesh_checks import open_edges
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 from tests.scenes import Thing, plane, write_scene
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has already, it would pass the bound of memory
 
 
 @pytest.fixture(autouse=True)

@@ -206,7 +206,8 @@ def at_targets(
         beam = np.einsum("nc,cnab->nab", weights[own], values)
         beam_noise = noise_power * np.sum(np.abs(weights[own]) ** 2, axis=1)
         tone = fit_tones(beam, beam_noise, *axes, (cells.offset[0][own], (beat - column)[own]))
-        snapshot[own] = np.einsum("cnab,na,nb->nc", values, tone.doppler_weight, tone.range_weight, optimize=True)
+        patch_weight = tone.doppler_weight[:, :, None] * tone.range_weight[:, None, :]
+        snapshot[own] = np.einsum("cnab,nab->nc", values, patch_weight)  # one product: NumPy's own order took 500 times
         offset[:, own] = tone.doppler_offset, tone.range_offset
         noise.append(noise_power * tone.noise_gain)
     moved = replace(folded, offset=(offset[0], offset[1]))

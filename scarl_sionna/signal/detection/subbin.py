@@ -87,7 +87,7 @@ class ToneAxis:
 
     def fit(self, values: Patch) -> tuple[Array, Array]:
         """Return the offsets (n,) whose tones hold most of whitened values (n, num_cells), and that power (n,)."""
-        score = np.abs(values @ self.tones.T) ** 2
+        score = (values.real @ self.tones.T) ** 2 + (values.imag @ self.tones.T) ** 2
         best = score.argmax(axis=1)
         inner = np.clip(best, 1, len(self.grid) - 2)
         row = np.arange(len(values))
@@ -205,7 +205,7 @@ def fit_tones(
     .. [1] D. C. Rife, R. R. Boorstyn, "Single-tone parameter estimation from discrete-time observations", IEEE Trans.
        Inf. Theory 20(5), 1974.
     """
-    white = np.einsum("ab,nbc,dc->nad", doppler.whiten, patch, distance.whiten, optimize=True)
+    white = doppler.whiten @ patch @ distance.whiten.T
     offsets = [start[0].copy(), start[1].copy()]
     power = np.zeros(len(patch))
     for _ in range(_ROUNDS):
