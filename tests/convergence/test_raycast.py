@@ -13,7 +13,7 @@ from tests.scenes import Thing, ball, plane, write_scene
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.own_process,
+    pytest.mark.own_process(shared=True),
 ]  # it leaves much memory behind
 
 RADAR = RadarSpec(azimuth_fov_deg=60.0, elevation_fov_deg=30.0)

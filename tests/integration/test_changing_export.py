@@ -14,7 +14,7 @@ from scarl_sionna.fusion import Rig
 from tests import exports
 from tests import openscenario_files as files
 
-pytestmark = pytest.mark.own_process
+pytestmark = pytest.mark.own_process(shared=True)
 
 
 def environment(inside: str) -> str:

@@ -24,7 +24,7 @@ from tests.children import with_parent
 from tests.exports import contents, kept_frames, wait_until
 from tests.frames import assert_same
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, a demo would come near the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has, too much memory
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLACE = Pose([2.36, 0.0, 0.8])
 RIG = Rig(

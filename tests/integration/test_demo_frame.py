@@ -22,7 +22,7 @@ from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.simulation import observe
 
-pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
+pytestmark = pytest.mark.own_process(shared=True)  # what it leaves behind would stay in the worker
 
 TIME = 0.5
 CARS = ("car_ahead", "oncoming")

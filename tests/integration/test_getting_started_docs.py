@@ -12,7 +12,7 @@ import pytest
 
 import scarl_sionna as ss
 
-pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
+pytestmark = pytest.mark.own_process(shared=True)  # what it leaves behind would stay in the worker
 
 REPO = Path(__file__).resolve().parents[2]
 PAGE = REPO / "docs" / "getting_started.md"

@@ -23,7 +23,7 @@ from scarl_sionna.simulation import load_world
 from tests import street_maps as maps
 from tests.street_drives import drive, longest_route, stays_on_its_lanes
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, its worlds would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has, too much memory
 
 FOLDER = os.environ.get("SCARL_STREET_MAPS")
 OTHERS = sorted(f for f in Path(FOLDER).rglob("*") if f.name.endswith(MAP_SUFFIXES)) if FOLDER else []

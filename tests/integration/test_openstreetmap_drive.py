@@ -15,7 +15,10 @@ from tests.street_drives import drive, longest_route, stays_on_its_lanes
 from tests.street_extracts import EXTRACTS
 
 pytest.importorskip("sumo", reason="eclipse-sumo is not installed")
-pytestmark = [pytest.mark.own_process, pytest.mark.filterwarnings("ignore::scarl_sionna.core.errors.MapWarning")]
+pytestmark = [
+    pytest.mark.own_process(shared=True),
+    pytest.mark.filterwarnings("ignore::scarl_sionna.core.errors.MapWarning"),
+]
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
 from tests.scenes import Thing, plane, write_scene
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has, too much memory
 
 RADAR = RadarSpec(elevation_fov_deg=120.0, azimuth_fov_deg=180.0)
 

@@ -14,7 +14,7 @@ from scarl_sionna.signal.detection import detect
 from scarl_sionna.signal.peaks import parabola_offset, tone_offset
 from scarl_sionna.signal.processing import virtual_cube
 
-pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
+pytestmark = pytest.mark.own_process(shared=True)  # what it leaves behind would stay in the worker
 
 BIN = 0.05
 """Of a bin, from the issue."""

@@ -21,7 +21,7 @@ from scarl_sionna.radar.weather.attenuation import weather_attenuation
 from scarl_sionna.radar.weather.clutter import VolumeSampling, through_weather, volume_clutter
 from tests.scenes import Thing, box, plane, write_scene
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has, too much memory
 
 PLACE = Pose([0.0, 0.0, 1.5])
 STORM = Weather(rain_rate=50.0)

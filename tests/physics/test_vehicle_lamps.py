@@ -22,7 +22,7 @@ from scarl_sionna.scene.motion.signalling import BRAKING, indicated, is_braking,
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, StaticTrajectory, WaypointTrajectory
 from tests.scenes import Thing, plane, write_scene
 
-pytestmark = pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
+pytestmark = pytest.mark.own_process(shared=True)  # beside what a worker has, too much memory
 
 TIMES = np.linspace(0.0, 12.0, 241)
 STEADY = ConstantTwistTrajectory(Pose(), Twist([10.0, 0.0, 0.0]), 0.0, 12.0)

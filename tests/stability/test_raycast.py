@@ -12,7 +12,7 @@ from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from tests.scenes import Thing, box, plane, write_scene
 
-pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
+pytestmark = pytest.mark.own_process(shared=True)  # what it leaves behind would stay in the worker
 
 RADAR = RadarSpec(azimuth_fov_deg=10.0, elevation_fov_deg=5.0)
 WAVENUMBER = 2 * np.pi * RADAR.waveform.start_frequency / SPEED_OF_LIGHT
