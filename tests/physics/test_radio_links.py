@@ -19,6 +19,7 @@ from scarl_sionna.engine.paths.links import trace_links
 from scarl_sionna.radio.sensor import Radio
 from scarl_sionna.scene.materials.carrier import at_carrier
 from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
+from tests.kernels import kernels
 from tests.oracles.link import friis, two_ray
 from tests.scenes import Material, Thing, plane, write_scene
 
@@ -127,6 +128,17 @@ def test_delays_are_right_to_float64_over_an_oblique_mirror(tmp_path) -> None:
     # planes of the two triangles differ by the rounding of their corners, 1e-5 m: half of the paths are on the other
     error = np.abs(found.length[mirrored] - exact)
     assert np.count_nonzero(error < 1e-9) >= 9 and error.max() < 1e-5, error
+
+
+def test_other_carriers_take_the_same_kernels(street) -> None:
+    """Values at a carrier are inputs of a kernel: as constants in it each carrier took a second of compiling."""
+    receivers = [Mount(Pose([x, 0.0, 5.0])) for x in (5.0, 60.0)]
+    with kernels() as found:
+        seen = []
+        for frequency in (*CARRIERS, 79e9):
+            solve(street, frequency, receivers, (VH, VH))
+            seen.append(found())
+    assert seen[1] and seen[2] <= seen[1] and seen[3] <= seen[1]
 
 
 def test_what_radars_see_is_put_back_also_after_an_error(street, monkeypatch) -> None:

@@ -196,6 +196,9 @@ def _lengths(found: dict[str, npt.NDArray[Any]], start: Array, stop: Array) -> A
 @contextmanager
 def _tuned(state: WorldState, scene: MitsubaObject, frequency: float, nearest: bool) -> Iterator[dict[str, float]]:
     """Tune the engine's scene and its radio materials to a carrier for a block; what it yields is `Links.borrowed`."""
+    import drjit as dr
+    import mitsuba as mi
+
     world = state.world
     borrowed: dict[str, float] = {}
     chosen: dict[str, RadioMaterial] = {}
@@ -210,14 +213,15 @@ def _tuned(state: WorldState, scene: MitsubaObject, frequency: float, nearest: b
     before: list[tuple[MitsubaObject, str, MitsubaObject]] = []
     carrier = scene.frequency
     try:
-        scene.frequency = frequency
+        # inputs of the kernels: as constants in them they would be compiled anew at each carrier
+        scene.frequency = dr.opaque(mi.Float, frequency)
         for bsdf, material in tuned.items():
             radio = scene.radio_materials.get(f"radio-{bsdf}")
             if radio is None:  # no shape has it
                 continue
             for field, value in zip(_TUNED, _engine_values(material, frequency), strict=True):
                 before.append((radio, field, getattr(radio, field)))
-                setattr(radio, field, value)
+                setattr(radio, field, dr.opaque(mi.Float, value))
         yield dict(sorted(borrowed.items()))
     finally:
         for radio, field, value in before:
