@@ -219,17 +219,26 @@ def test_other_solvers_look_round(world: ss.World, method: str) -> None:
 
 
 def test_rain_stands_in_the_image_with_its_mean_power(world: ss.World) -> None:
-    """The radar equation over the volume through the pencil beam; a cell of the Hann window holds 1.5 resolutions."""
-    dry = ss.ScanningRadarSpec(pattern=ss.FanPattern(), waveform=SPEC.waveform, num_azimuths=60, num_range_bins=None)
+    """The radar equation over the volume through the pencil beam; a cell of the Hann window holds 1.5 resolutions.
+
+    Near the radar a drop falls through the beam while a block of the turn passes: points that did, too, made it 1 to 11
+    dB too strong. Means over 500 to 5,000 cells: 0.05 to 0.2 dB one sigma.
+    """
+    dry = ss.ScanningRadarSpec(
+        pattern=ss.FanPattern(azimuth_beamwidth_deg=4.0),
+        waveform=SPEC.waveform,
+        num_azimuths=60,
+        num_range_bins=None,
+    )
     state = world.with_weather(ss.Weather(rain_rate=20.0)).at(0.25)
-    settings = FAST.changed(noise=False, num_rays=1, num_points=60_000)
+    settings = FAST.changed(noise=False, num_rays=1, num_points=30_000)
     scan = ScanningRadar(dry, settings).observe(state, ss.Pose([0.0, 0.0, 300.0]), np.random.default_rng(1))
     drops = falling(state.world.weather, dry.ramp().carrier_frequency)[0].reflectivity
     per_km = weather_attenuation(state.world.weather, dry.ramp().carrier_frequency, "V")
-    for near, far in ((10.0, 20.0), (20.0, 40.0)):
+    for near, far in ((5.0, 10.0), (10.0, 20.0), (20.0, 40.0)):
         inside = (dry.range >= near) & (dry.range < far)
         exact = mean_clutter_power(dry.ramp(), drops, near, far, per_km) / (far - near) * 1.5 * dry.range_resolution
-        assert 10.0 * np.log10(scan.power[:, inside].mean() / exact) == pytest.approx(0.0, abs=1.2)
+        assert 10.0 * np.log10(scan.power[:, inside].mean() / exact) == pytest.approx(0.0, abs=0.6), (near, far)
 
 
 def test_a_radar_inside_a_mesh_is_refused(world: ss.World) -> None:

@@ -292,18 +292,18 @@ def volume_clutter(
     link = dbm_to_watt(radar.front_end.tx_power_dbm) * radar_gain(radar.wavelength, 1.0)
     strength = link * eta * width / rows**2
     weakest = 10.0 ** (sampling.floor_db / 10.0) * angle_cell_noise_power(radar)
-    scatter, fall = _scatter(weather, radar, mount, limit, rng, state)
+    scatter = _scatter(weather, radar, mount, limit, rng, state)
     cells = gaussian_cells(scatter, radar, Rows(rows, strength * loss), weakest, sampling.num_points, rng)
     direction = mount.pose.rotate(cells.direction)
     place = mount.pose.position + cells.distance[:, None] * direction
     amplitude = _speckle(rng, len(place))
-    air = np.array([*weather.wind, -fall])
-    away = cells.velocity - direction @ (air - mount.twist.linear)
     gain = two_way_gain(radar.array, cells.direction)
     power = cells.power / np.interp(cells.distance, rows, loss)
     sigma = power * cells.distance**4 / (link * gain)
     falls = slice(None) if state is None else ~is_sheltered(state, place)
-    points = point_targets(place[falls], (air + away[:, None] * direction)[falls], sigma[falls], radar, mount)
+    # a point stands for all drops of its cell, whose directions stay when each of them has left it: it keeps its own
+    velocity = mount.twist.linear + cells.velocity[:, None] * direction
+    points = point_targets(place[falls], velocity[falls], sigma[falls], radar, mount)
     return _as_clutter(points, amplitude[falls])
 
 
@@ -314,8 +314,8 @@ def _scatter(
     reach: float,
     rng: np.random.Generator,
     state: WorldState | None,
-) -> tuple[Scatter, float]:
-    """Return what falls, seen along directions, random within cells of the pattern, and its mean speed of fall."""
+) -> Scatter:
+    """Return what falls, seen along directions, random within cells of the pattern."""
     fine = tuple(
         int(np.clip(np.ceil(2.0 * np.radians(_GRID_DEG) / step), 1, _FINEST)) for step in direction_steps(radar)
     )
@@ -336,8 +336,7 @@ def _scatter(
     share = np.concatenate([shares * item.reflectivity / eta for item, (_, shares) in zip(drops, classes, strict=True)])
     air = np.array([*weather.wind, 0.0]) - mount.twist.linear
     velocity = (direction @ air)[:, None] - direction[:, 2:] * speed
-    scatter = Scatter(local, weight[row, column], free, velocity, share, weather.turbulence)
-    return scatter, float(speed @ share)
+    return Scatter(local, weight[row, column], free, velocity, share, weather.turbulence)
 
 
 def spray_clutter(
