@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from types import ModuleType
+from types import CodeType, FunctionType, ModuleType
 
 from .backend import bootstrap as engine
 
@@ -25,12 +25,45 @@ def mitsuba() -> ModuleType:
 class _Blocks:
     """Which variant the blocks below left behind, so that a switch back is made only where somebody notices.
 
-    A switch takes 0.2 s, since Mitsuba reloads its Python modules. A variant that the caller chose is given back at the
+    A switch takes time, since Mitsuba reloads its Python modules. A variant that the caller chose is given back at the
     end of the outermost block; one that an earlier block of ours left is not.
     """
 
     depth = 0
     left: str | None = None
+
+
+_rewritten: dict[tuple[str, CodeType], CodeType] = {}
+"""By its file and its code: what ``drjit.syntax`` made of each function."""
+
+
+@contextmanager
+def _syntax_once() -> Iterator[None]:
+    """Let ``drjit.syntax`` rewrite each function once: parsing all again was most of what a switch took."""
+    import drjit
+
+    rewrite = drjit.syntax
+
+    def remembered(function: object = None, **options: bool) -> object:
+        if not isinstance(function, FunctionType) or options:
+            return rewrite(function, **options)
+        key = function.__code__.co_filename, function.__code__
+        if key not in _rewritten:
+            _rewritten[key] = rewrite(function).__code__
+        again = FunctionType(_rewritten[key], function.__globals__)
+        again.__defaults__ = function.__defaults__
+        return again
+
+    drjit.syntax = remembered
+    try:
+        yield
+    finally:
+        drjit.syntax = rewrite
+
+
+def _switch(mi: ModuleType, name: str) -> None:
+    with _syntax_once():
+        mi.set_variant(name)
 
 
 @contextmanager
@@ -40,14 +73,14 @@ def _variant(name: str) -> Iterator[ModuleType]:
     previous = mi.variant()
     give_back = previous is not None and (_Blocks.depth > 0 or previous != _Blocks.left)
     if previous != name:
-        mi.set_variant(name)
+        _switch(mi, name)
     _Blocks.depth += 1
     try:
         yield mi
     finally:
         _Blocks.depth -= 1
         if give_back and previous != name:
-            mi.set_variant(previous)
+            _switch(mi, previous)
         elif _Blocks.depth == 0 and not give_back:
             _Blocks.left = name
 

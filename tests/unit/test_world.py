@@ -137,6 +137,22 @@ def test_variant_of_the_caller_is_given_back_and_ours_is_left(world: World) -> N
     assert mi.variant().endswith("ad_rgb")  # left: nobody chose the other one
 
 
+def test_a_switch_rewrites_no_function_again() -> None:
+    """Integrators of a variant are classes of their own, with the code that Dr.Jit made of them the first time."""
+    import drjit
+    from mitsuba.python.ad.integrators import prb
+
+    rewrite, made = drjit.syntax, []
+    for _ in range(2):
+        with optical():
+            with radio():
+                pass
+            made.append(prb.PRBIntegrator.sample)
+    assert made[0] is not made[1] and made[0].__code__ is made[1].__code__
+    assert "while_loop" in made[0].__code__.co_names or "_drjit_ast" in made[0].__code__.co_names
+    assert drjit.syntax is rewrite
+
+
 def test_boxes_of_instances_hold_their_parts(world: World) -> None:
     state = world.at(1.0)
     lower, upper = state._instance_bounds
