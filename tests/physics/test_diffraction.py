@@ -131,6 +131,7 @@ def two_way(state, target) -> tuple[complex, complex]:
     return field(near, 0) / alone, field(near, 1) / alone
 
 
+@pytest.mark.some(2)  # at the boundary: test_field_is_smooth_across_the_shadow_boundary
 @pytest.mark.parametrize("height", [2.9, 3.45, 3.55, 4.3])
 def test_knife_edge(screen, height: float) -> None:
     """A target 25 m away around the shadow boundary at 3.5 m.
