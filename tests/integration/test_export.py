@@ -178,6 +178,7 @@ def kill_and_resume(files: list[Path], out: Path, undisturbed: Path, kills: int,
     return killed
 
 
+@pytest.mark.slow  # a kill at every step: tests/unit/test_store_kill_points.py; a killed worker: below
 def test_kill_at_random_moments(files, undisturbed, tmp_path) -> None:
     assert kill_and_resume(files, tmp_path / "out", undisturbed, kills=1, seed=1) == 1
 

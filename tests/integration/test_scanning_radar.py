@@ -168,6 +168,7 @@ def test_other_formats_hold_the_image_or_leave_it_out(tmp_path, frame, scan, kin
             np.testing.assert_array_equal(file["street/roof/radar/image"][0], scan.image)
 
 
+@pytest.mark.slow  # workers of any rig: test_body_drives; a turn from a dataset, and the example's rig file: here
 @pytest.mark.filterwarnings("ignore")
 def test_workers_export_the_same_bytes(tmp_path) -> None:
     """A rig file, a scenario file, and the command: in this process, and in one that is spawned."""
@@ -206,6 +207,7 @@ def test_power_is_left_out_unless_asked_for_and_datasets_without_one_say_nothing
     assert "scanning_radar" not in tables_of(Rig.front().to_dict())
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", ["auto", "sionna"])
 def test_other_solvers_look_round(world: ss.World, method: str) -> None:
     settings = ss.RadarSettings.of(method, num_blocks=1, keep_power=True, noise=False).changed(

@@ -129,7 +129,11 @@ def expected(frames, tmp_path_factory) -> dict[str, bytes]:
 
 @pytest.mark.parametrize(
     ("layout", "stride"),
-    [("packed", 4), ("files", 9), *(pytest.param(layout, 1, marks=pytest.mark.slow) for layout in ("packed", "files"))],
+    [
+        ("packed", 5),
+        ("files", 16),
+        *(pytest.param(layout, 1, marks=pytest.mark.slow) for layout in ("packed", "files")),
+    ],
 )
 def test_killed_at_every_step_of_an_export(frames, tmp_path, layout, stride) -> None:
     run(tmp_path / "whole", frames, layout=layout)
