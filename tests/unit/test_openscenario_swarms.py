@@ -34,11 +34,11 @@ def composed(folder, action: str, seed: int = 0, stop: float = 4.0):
 
 
 def test_as_many_as_it_says_are_within_the_ellipse(tmp_path) -> None:
-    found = composed(tmp_path, swarm(), stop=12.0)
+    found = composed(tmp_path, swarm(), stop=6.0)
     own = {member.actor.name: member.actor.trajectory for member in found.members}
     others = [name for name in own if name.startswith("swarm_")]
     assert {"ego", "other"} == set(own) - set(others)
-    times = np.arange(0.0, 12.0, 0.5)
+    times = np.arange(0.0, 6.0, 0.5)
     count = np.zeros(len(times))
     for name in others:
         for index, time in enumerate(times):  # the ellipse by its definition, round a car that drives along +x
