@@ -98,7 +98,7 @@ def test_faces_stand_where_their_azimuth_met_them(scan: ss.RadarScan) -> None:
 
 
 def expected_power(world: ss.World, blocks: int) -> np.ndarray:
-    """Return the mean power of every third azimuth: that of all paths through the beam, without their interference [W]."""
+    """Return the mean power of every third azimuth: of all paths through the beam, without their interference [W]."""
     state = world.at(0.25)
     sensor = ScanningRadar(SPEC, FAST.changed(num_blocks=blocks, num_rays=150_000))
     out = np.zeros(SPEC.num_azimuths)

@@ -2,8 +2,8 @@
 
 The next run loses nothing, makes the same bytes and cleans up.
 
-Each step (a rename, a removal, a new folder) is one kill point: all of them are tried (of the layout "files" every
-fifth by default), so that what a kill at a random moment finds only now and then is found every time.
+Each step (a rename, a removal, a new folder) is one kill point: all of them are tried (by default every fifth, of
+the layout "files" every sixteenth), so that what a kill at a random moment finds only now and then is found every time.
 """
 
 from __future__ import annotations
