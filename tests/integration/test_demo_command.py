@@ -37,7 +37,7 @@ RIG = Rig(
             "radar",
             RadarSpec().with_(num_chirps=16, num_samples=128),
             PLACE,
-            RadarSettings(raycast={"num_rays": 2_000}, accuracy={"tube_budget": 200}),
+            RadarSettings.of("raycast", num_rays=2_000),
         ),
     ),
 )

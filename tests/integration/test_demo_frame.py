@@ -304,6 +304,7 @@ def test_counts_of_the_labels_are_those_of_the_images(camera, scan, objects) -> 
         assert item.num_lidar_points == int((scan.instance == item.instance).sum())
 
 
+@pytest.mark.slow  # tests/stability/test_determinism.py always does the same
 def test_the_same_seed_gives_the_same_frame(world, rig, frame) -> None:
     again = observe(world, rig, TIME, seed=0)
     assert again.images["camera"].rgb.tobytes() == frame.images["camera"].rgb.tobytes()

@@ -5,6 +5,10 @@ Pages that begin in the middle of a session find the names that a session has: a
 
 from __future__ import annotations
 
+import ast
+import importlib
+import inspect
+import json
 import re
 import shutil
 from collections.abc import Iterator
@@ -29,7 +33,9 @@ from tests.point_files import write_radar_scenes
 REPO = Path(__file__).resolve().parents[2]
 OWN_TESTS = ("getting_started.md", "reading.md", "formats.md")
 """Pages whose results are looked at by tests of their own."""
-SLOW = (
+SLOW = (  # what they call is tested in files of its own; that the names are there, below for all pages
+    "install.md", "scenes.md", "scenarios.md", "sionna_paths.md", "scanning_radar.md", "closed_radars.md",
+    "communication.md", "weather.md", "tracking.md",
     "scatterers.md", "README.md", "rcs.md", "accuracy.md", "camera.md", "materials.md", "micro_doppler.md",
     "demo.md", "actors.md", "export.md", "interference.md", "session.md", "prompt.md",
     "radar_settings.md", "radar_labels.md", "calibration.md",
@@ -139,3 +145,44 @@ def test_blocks_run(page: Path, folder: Path, session: dict[str, Any], monkeypat
         names.clear()  # what a page registers or traces keeps its names alive, and with them its worlds
         plt.close("all")
         Widget.close_all()  # those of a preview hold its scene
+
+
+def texts(file: Path) -> list[str]:
+    """Return the Python code of a page or a notebook."""
+    text = file.read_text(encoding="utf-8")
+    if file.suffix == ".md":
+        return re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    return ["".join(cell["source"]) for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
+
+
+def found(node: ast.expr, names: dict[str, Any]) -> Any:
+    """Return what `ss.A.b` stands for, None where that depends on values; raise AttributeError where it is not."""
+    if isinstance(node, ast.Name):
+        return names.get(node.id)
+    owner = found(node.value, names) if isinstance(node, ast.Attribute) else None
+    if not inspect.isclass(owner) and not inspect.ismodule(owner):
+        return None
+    if inspect.isclass(owner) and node.attr in getattr(owner, "model_fields", ()):  # type: ignore[union-attr]
+        return None
+    return getattr(owner, node.attr)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("file", [*PAGES, *sorted((REPO / "notebooks").glob("*.ipynb"))], ids=lambda file: file.name)
+def test_names_and_keywords_are_there(file: Path) -> None:
+    """What a page imports from here, takes from it by name, and calls it with, also where it runs only when asked."""
+    names: dict[str, Any] = {"ss": ss}
+    for text in texts(file):
+        tree = ast.parse(text)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and str(node.module).split(".")[0] in ("scarl_sionna", "camera_lidar"):
+                module = importlib.import_module(str(node.module))
+                names |= {item.asname or item.name: getattr(module, item.name) for item in node.names}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute):
+                found(node, names)
+            target = found(node.func, names) if isinstance(node, ast.Call) else None
+            if target is None or target in (ss.LidarSpec, ss.RadarSpec):  # these take fields of their parts as well
+                continue
+            known = inspect.signature(target).parameters
+            if not any(one.kind is one.VAR_KEYWORD for one in known.values()):
+                assert {one.arg for one in node.keywords} - {None} <= set(known), ast.unparse(node)

@@ -171,13 +171,21 @@ def test_a_signal_in_the_middle_of_a_render(heavy, tmp_path, number, rounds) -> 
 
 
 @pytest.mark.some(1)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("to_group", [True, False])
-def test_a_signal_with_workers(files, undisturbed, tmp_path, number, to_group) -> None:
+@pytest.mark.parametrize(
+    ("number", "to_group", "workers"),
+    [
+        (signal.SIGINT, True, 1),
+        (signal.SIGINT, True, 2),
+        (signal.SIGINT, False, 2),
+        (signal.SIGTERM, True, 2),
+        (signal.SIGTERM, False, 2),
+    ],
+)
+def test_a_signal_with_workers(files, undisturbed, tmp_path, number, to_group, workers) -> None:
     """Ctrl-C in a terminal reaches the workers, too; kill reaches the main process alone. No process stays behind."""
     pytest.importorskip("distributed")
     out = tmp_path / "out"
-    process = start(*files, "--out", out, "--workers", 2, "--on-error", "record", start_new_session=True)
+    process = start(*files, "--out", out, "--workers", workers, "--on-error", "record", start_new_session=True)
     assert wait_until(lambda: bool(kept_frames(out)), process)
     (os.killpg if to_group else os.kill)(process.pid, number)
     assert_stopped_whole(process, out, number)

@@ -43,6 +43,7 @@ def test_getting_started(tmp_path, monkeypatch, effort) -> None:
     assert len(data) == 2 and data[1].radar["front/radar"].adc.shape == (4, 192, 512)
 
 
+@pytest.mark.slow  # its names and keywords: test_docs_code.py; another notebook runs always
 def test_first_notebook(tmp_path, monkeypatch, effort) -> None:
     """Its cells one after the other; its last asserts a law."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

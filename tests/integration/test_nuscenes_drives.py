@@ -49,15 +49,11 @@ def around(ahead: float, lever: float = 0.0):
 
 @pytest.fixture(scope="module")
 def round_trip(tmp_path_factory: pytest.TempPathFactory) -> tuple[ScenarioSpec, Path]:
-    """The ready scenario `backing_out_of_a_drive` at 5 Hz, as four lidars of few rays see it, exported to nuScenes."""
+    """The ready scenario `backing_out_of_a_drive` at 5 Hz, as a lidar of few rays sees it, exported to nuScenes."""
     spec = ScenarioSpec.preset("backing_out_of_a_drive")
     world = load_world(spec)
-    lidar = LidarSpec(num_azimuth=120, num_elevation=16)
-    sides = [[np.cos(turn), 0.0, 0.0, np.sin(turn)] for turn in np.arange(4) * np.pi / 4.0]
-    mounts = [
-        SensorMount(f"side{k}/lidar", "lidar", lidar, Pose([0.0, 0.0, 2.2], side)) for k, side in enumerate(sides)
-    ]
-    rig = Rig("round", tuple(mounts))
+    lidar = LidarSpec(num_azimuth=480, num_elevation=16, azimuth_fov_deg=(-180.0, 180.0))
+    rig = Rig("round", (SensorMount("roof/lidar", "lidar", lidar, Pose([0.0, 0.0, 2.2])),))
     frames = [replace(observe(world, rig, 0.2 * k, seed=k), index=k) for k in range(31)]
     source = FrameSource(rig.to_dict(), [SceneFrames("backing", frames, {"scene": spec.scene})], {"train": ["backing"]})
     return spec, export_nuscenes(source, tmp_path_factory.mktemp("export") / "out", lane_maps=True)

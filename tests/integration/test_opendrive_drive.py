@@ -29,7 +29,7 @@ FOLDER = os.environ.get("SCARL_STREET_MAPS")
 OTHERS = sorted(f for f in Path(FOLDER).rglob("*") if f.name.endswith(MAP_SUFFIXES)) if FOLDER else []
 
 
-@pytest.mark.parametrize("variant", [0, 2])
+@pytest.mark.parametrize("variant", [0, pytest.param(2, marks=pytest.mark.slow)])  # 2: test_street_surroundings
 def test_a_car_turns_at_a_crossing_behind_another_and_sensors_see_it(tmp_path, variant):
     file = tmp_path / "crossing.xodr"
     file.write_text(maps.MAPS["crossing"])

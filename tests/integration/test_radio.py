@@ -265,6 +265,14 @@ def test_wrong_radios_are_refused(change, message) -> None:
         ss.RadioSettings(solver={"double_bounce": True})
 
 
+def test_the_example_rig_is_read() -> None:
+    rig = Rig.load(EXAMPLES / "talking_rig.yaml")
+    world = build_world(ss.ScenarioSpec.preset("oncoming_lorry"))
+    named = {station.actor for one in rig.sensors if one.kind == "radio" for station in one.spec.stations} - {None}
+    assert named and named <= {actor.name for actor in world.actors}
+
+
+@pytest.mark.slow  # gains of lines of sight and behind bodies: tests/physics/test_radio_links.py
 def test_the_example_rig_sees_the_car_when_the_lorry_is_past() -> None:
     """In the scenario that it is made for: Friis' gain of 4.2 m, within what the ground adds, once it is free."""
     rig = Rig.load(EXAMPLES / "talking_rig.yaml")

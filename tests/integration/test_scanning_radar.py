@@ -98,27 +98,29 @@ def test_faces_stand_where_their_azimuth_met_them(scan: ss.RadarScan) -> None:
 
 
 def expected_power(world: ss.World, blocks: int) -> np.ndarray:
-    """Return the mean power of every azimuth: that of all paths through the beam, without their interference [W]."""
+    """Return the mean power of every third azimuth: of all paths through the beam, without their interference [W]."""
     state = world.at(0.25)
     sensor = ScanningRadar(SPEC, FAST.changed(num_blocks=blocks, num_rays=150_000))
     out = np.zeros(SPEC.num_azimuths)
     for block in sensor._blocks(state, state.mount("ego", ROOF), None):
         paths = _bending(block.paths)
         for number in block.azimuths:
+            if number % 3:
+                continue
             moved = later(paths, float(SPEC.time[number]) - block.time)
             turn = ss.Pose.from_heading(np.zeros(3), SPEC.azimuth[number] - block.ahead)
             pose = moved.world_from_tx.compose(turn)
             seen = replace(moved, world_from_tx=pose, world_from_rx=pose)
             out[number] = received_power(seen, SPEC.ramp()).sum()
-    return out
+    return out[::3]
 
 
 def test_any_number_of_blocks_shows_the_same_street(world: ss.World) -> None:
     """Blocks solve the world anew; between them it moves straight on."""
-    often = expected_power(world, 24).reshape(24, 5).mean(axis=1)
+    often = expected_power(world, 12).reshape(8, 5).mean(axis=1)
     for blocks in (1, 4):
-        apart = 10.0 * np.log10(expected_power(world, blocks).reshape(24, 5).mean(axis=1) / often)
-        assert np.sqrt(np.mean(apart**2)) < 0.4 and np.abs(apart).max() < 1.0, blocks
+        apart = 10.0 * np.log10(expected_power(world, blocks).reshape(8, 5).mean(axis=1) / often)
+        assert np.sqrt(np.mean(apart**2)) < 0.25 and np.abs(apart).max() < 0.5, blocks
 
 
 def test_the_end_of_the_motion_is_carried_straight_on(world: ss.World) -> None:
@@ -168,6 +170,7 @@ def test_other_formats_hold_the_image_or_leave_it_out(tmp_path, frame, scan, kin
             np.testing.assert_array_equal(file["street/roof/radar/image"][0], scan.image)
 
 
+@pytest.mark.slow  # workers of any rig: test_body_drives; a turn from a dataset, and the example's rig file: here
 @pytest.mark.filterwarnings("ignore")
 def test_workers_export_the_same_bytes(tmp_path) -> None:
     """A rig file, a scenario file, and the command: in this process, and in one that is spawned."""
@@ -206,6 +209,7 @@ def test_power_is_left_out_unless_asked_for_and_datasets_without_one_say_nothing
     assert "scanning_radar" not in tables_of(Rig.front().to_dict())
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", ["auto", "sionna"])
 def test_other_solvers_look_round(world: ss.World, method: str) -> None:
     settings = ss.RadarSettings.of(method, num_blocks=1, keep_power=True, noise=False).changed(

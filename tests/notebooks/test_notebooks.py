@@ -11,8 +11,8 @@ nbclient = pytest.importorskip("nbclient")
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 QUICK = ("07_rcs_of_your_mesh",)
-"""The quickest; all others run with --run-slow and by `make notebooks`. The code of the first, which users begin with,
-always runs with less effort in tests/integration/test_getting_started_docs.py."""
+"""The quickest; all others run with --run-slow and by `make notebooks`. Names and keywords of all are always checked, in
+tests/integration/test_docs_code.py."""
 TIMEOUT = 180.0
 """What a notebook may take on two cores [s]."""
 

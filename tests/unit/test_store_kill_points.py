@@ -2,8 +2,8 @@
 
 The next run loses nothing, makes the same bytes and cleans up.
 
-Each step (a rename, a removal, a new folder) is one kill point: all of them are tried (of the layout "files" every
-fifth by default), so that what a kill at a random moment finds only now and then is found every time.
+Each step (a rename, a removal, a new folder) is one kill point: all of them are tried (by default every fifth, of
+the layout "files" every sixteenth), so that what a kill at a random moment finds only now and then is found every time.
 """
 
 from __future__ import annotations
@@ -129,7 +129,11 @@ def expected(frames, tmp_path_factory) -> dict[str, bytes]:
 
 @pytest.mark.parametrize(
     ("layout", "stride"),
-    [("packed", 4), ("files", 9), *(pytest.param(layout, 1, marks=pytest.mark.slow) for layout in ("packed", "files"))],
+    [
+        ("packed", 5),
+        ("files", 16),
+        *(pytest.param(layout, 1, marks=pytest.mark.slow) for layout in ("packed", "files")),
+    ],
 )
 def test_killed_at_every_step_of_an_export(frames, tmp_path, layout, stride) -> None:
     run(tmp_path / "whole", frames, layout=layout)

@@ -132,7 +132,7 @@ def test_files_that_changed_since_the_plan_stop_the_job(drive, tmp_path) -> None
 
 
 def test_the_forecast_counts_the_files(tmp_path) -> None:
-    scenarios = [ScenarioSpec.load(path) for path in scenario_files(tmp_path / "in", one=3, two=2)]
+    scenarios = [ScenarioSpec.load(path) for path in scenario_files(tmp_path / "in", one=3, two=1)]
     settings = ExportSettings(options=StoreOptions(shard_frames=2))
     forecast = estimate(plan_export(scenarios, settings.options), tmp_path / "out", settings)
     export(scenarios, tmp_path / "out", settings)
@@ -143,12 +143,12 @@ def test_the_forecast_counts_the_files(tmp_path) -> None:
 
 def test_the_command_sweeps(tmp_path) -> None:
     (path,) = scenario_files(tmp_path / "in", one=1)
-    options = ["--seeds", "0:2", "--set", "weather=rain,clear", "--splits", "0.5,0.5,0", "--plan", str(tmp_path / "p")]
+    options = ["--seeds", "0:2", "--set", "frame_rate=10,50", "--splits", "0.5,0.5,0", "--plan", str(tmp_path / "p")]
     done = CliRunner().invoke(app, ["export", str(path), "--out", str(tmp_path / "out"), *options])
     assert done.exit_code == 0, done.output
     dataset = open_dataset(tmp_path / "out")
     assert len(dataset) == 4
-    assert dataset.scenes == [f"one_s00000{seed}_weather-{word}" for seed in range(2) for word in ("clear", "rain")]
+    assert dataset.scenes == [f"one_s00000{seed}_frame_rate-{rate}" for seed in range(2) for rate in (10, 50)]
     wrong = CliRunner().invoke(app, ["demo", "--set", "weather=rain,clear", "--out", str(tmp_path / "demo")])
     assert wrong.exit_code == 2 and "only export takes several" in wrong.output
 

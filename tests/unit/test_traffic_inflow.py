@@ -32,6 +32,7 @@ def density(scene: str, asked: float, seed: int, times: np.ndarray) -> np.ndarra
     return np.array([sum(one.active[0] <= time <= one.active[1] for one in actors) for time in times]) / kilometres
 
 
+@pytest.mark.some(1)  # the bound is one for signals and right of way
 @pytest.mark.parametrize(("scene", "asked"), [("signalised_crossing", 12.0), ("roundabout", 10.0)])
 def test_queues_do_not_grow_without_end(scene, asked, monkeypatch) -> None:
     late = np.arange(20.0, SPAN, 2.0)
