@@ -17,7 +17,7 @@ from scarl_sionna.engine.light.clouds import through_clouds
 from scarl_sionna.engine.load import load_scene
 from tests.scenes import Thing, plane, write_scene
 
-pytestmark = pytest.mark.own_process(shared=True)  # what it leaves behind would stay in the worker
+pytestmark = pytest.mark.own_process  # a shared process held other worlds, and kernels hold how many there are
 
 COVERS = np.linspace(0.0, 1.0, 101)
 

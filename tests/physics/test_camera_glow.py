@@ -23,7 +23,7 @@ from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.world import WorldState
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-pytestmark = pytest.mark.own_process(shared=True)  # what it leaves behind would stay in the worker
+pytestmark = pytest.mark.own_process  # a shared process held other worlds, and kernels hold how many there are
 
 SPEC = CameraSpec(width=24, height=14, horizontal_fov_deg=40.0, samples_per_pixel=1024, denoise=False, images=("rgb",))
 VISIBILITY = 150.0

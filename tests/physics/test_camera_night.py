@@ -23,7 +23,7 @@ from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.world import World, WorldState
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-pytestmark = pytest.mark.own_process(shared=True)  # what it leaves behind would stay in the worker
+pytestmark = pytest.mark.own_process  # a shared process held other worlds, and kernels hold how many there are
 
 SPEC = CameraSpec(width=64, height=36, horizontal_fov_deg=60.0, samples_per_pixel=16, denoise=False, images=("rgb",))
 NIGHT = Lighting(sun_elevation_deg=-40.0, night_sky_luminance=0.01, street_lamps=True, headlamps=True)

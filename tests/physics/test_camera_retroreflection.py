@@ -20,7 +20,7 @@ from scarl_sionna.engine.world import World
 from scarl_sionna.scene.materials.wet import WET_BEADS
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-pytestmark = pytest.mark.own_process(shared=True)  # what it leaves behind would stay in the worker
+pytestmark = pytest.mark.own_process  # a shared process held other worlds, and kernels hold how many there are
 
 SPEC = CameraSpec(width=4, height=4, horizontal_fov_deg=1.0, samples_per_pixel=16, denoise=False, images=("rgb",))
 NIGHT = Lighting(sun_elevation_deg=-40.0, night_sky_luminance=0.0, street_lamps=True, headlamps=True)
