@@ -82,7 +82,7 @@ if ! "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-
     fail "pip could not install the packages (its message stands above); check the network and call make again"
 fi
 rm -f "$unfinished"
-# nothing is compiled here: of 18,000 modules a demo or the tests import a third, and Python keeps what it compiles
+# nothing is compiled here: of 18,000 modules the tests import 7,500, a demo fewer, and Python keeps what it compiles
 
 if ! found="$(llvm_found)"; then
     llvm_from_apt || llvm_from_wheel || true

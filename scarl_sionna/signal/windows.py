@@ -31,7 +31,7 @@ def window_values(name: str | None, count: int) -> Array:
        IEEE 66(1), 1978.
     """
     key = "rect" if name is None else name
-    if key not in {**_COSINES, **_OTHERS}:
+    if key not in _COSINES and key not in _OTHERS:
         raise UnknownNameError("window", key, {**_COSINES, **_OTHERS})
     if count <= 2:  # hann and others vanish at both ends
         return np.full(count, 1.0 / count)

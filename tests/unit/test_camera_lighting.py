@@ -17,9 +17,7 @@ from scarl_sionna.engine.light.sky import twilight_factor
 from scarl_sionna.engine.load import load_scene
 from tests.scenes import Thing, box, plane, write_scene
 
-pytestmark = pytest.mark.own_process(
-    shared=True
-)  # what it leaves behind would stay in the worker for the files after it
+pytestmark = pytest.mark.own_process(shared=True)  # what it leaves behind would stay in the worker
 
 SPEC = CameraSpec(width=32, height=18, horizontal_fov_deg=60.0, samples_per_pixel=64, denoise=False)
 PRINCIPLED = (
