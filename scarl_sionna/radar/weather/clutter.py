@@ -296,7 +296,6 @@ def volume_clutter(
     cells = gaussian_cells(scatter, radar, Rows(rows, strength * loss), weakest, sampling.num_points, rng)
     direction = mount.pose.rotate(cells.direction)
     place = mount.pose.position + cells.distance[:, None] * direction
-    amplitude = _speckle(rng, len(place))
     gain = two_way_gain(radar.array, cells.direction)
     power = cells.power / np.interp(cells.distance, rows, loss)
     sigma = power * cells.distance**4 / (link * gain)
@@ -304,7 +303,7 @@ def volume_clutter(
     # a point stands for all drops of its cell, whose directions stay when each of them has left it: it keeps its own
     velocity = mount.twist.linear + cells.velocity[:, None] * direction
     points = point_targets(place[falls], velocity[falls], sigma[falls], radar, mount)
-    return _as_clutter(points, amplitude[falls])
+    return _as_clutter(points, _speckle(rng, len(place))[falls])
 
 
 def _scatter(
@@ -325,10 +324,7 @@ def _scatter(
     phi, theta = azimuth[row] + jitter[0] / fine[0], elevation[column] + jitter[1] / fine[1]
     local = np.stack([np.cos(phi) * np.cos(theta), np.sin(phi) * np.cos(theta), np.sin(theta)], axis=1)
     direction = mount.pose.rotate(local)
-    free = np.full(len(row), np.inf)
-    if state is not None:
-        hits = state.cast(mount.pose.position, direction, max_distance=reach)
-        free[hits.ray] = hits.distance
+    free = np.full(len(row), np.inf) if state is None else _free_way(state, mount.pose.position, direction, reach)
     drops = falling(weather, radar.center_frequency)
     eta = sum(item.reflectivity for item in drops)
     classes = [item.fall_classes(_FALL_CLASSES) for item in drops]
@@ -484,11 +480,16 @@ def _speckle(rng: np.random.Generator, number: int) -> npt.NDArray[np.complex128
 
 def _in_sight(state: WorldState, pose: Pose, direction: Array, distance: Array) -> npt.NDArray[np.bool_]:
     """Return whether points are nearer than the first surface in their direction."""
-    free = np.full(len(distance), np.inf)
-    if len(distance):
-        hits = state.cast(pose.position, direction, max_distance=float(distance.max()))
+    return np.asarray(distance < _free_way(state, pose.position, direction, float(distance.max(initial=0.0))))
+
+
+def _free_way(state: WorldState, origin: Array, direction: Array, reach: float) -> Array:
+    """Return the distance of the first surface in each direction, infinite where there is none within a reach [m]."""
+    free = np.full(len(direction), np.inf)
+    if len(direction):
+        hits = state.cast(origin, direction, max_distance=reach)
         free[hits.ray] = hits.distance
-    return np.asarray(distance < free)
+    return free
 
 
 def _as_clutter(points: RadarPaths, speckle: npt.NDArray[Any]) -> RadarPaths:
