@@ -94,8 +94,7 @@ def solve(
     with problem(kind, seed) as street, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         street = replace(street, reach=street.reach if reach is None else reach)
-        plan = _plan(street, FINEST[kind])
-        coherent = sorted({number for share in plan.shares if share.solver == "sbr" for number in share.instances})
+        plan, coherent = widest_plan(street, FINEST[kind])
         level, seconds = reference(kind, seed, street, plan, coherent)
         line: dict[str, Any] = {
             "kind": kind,
@@ -116,7 +115,7 @@ def solve(
             paths, cpu = timed(
                 lambda settings=settings: solve_paths(street.state, RADAR, street.mount, "auto", **settings)
             )
-            row = _row(street, paths, cpu, coherent, level)
+            row = row_of(street, paths, cpu, coherent, level)
             expected = {choice["instance"]: choice["expected_error_db"] for choice in paths.diagnostics["choices"]}
             row["expected_db"] = {name: expected.get(name) for name in row["error_db"]}
             row |= {key: paths.diagnostics[key] for key in ("met", "expected_error_db")}
@@ -127,10 +126,10 @@ def solve(
         for name, knobs, ghosts in (("sbr 1 rad, no mirrors", PLAIN, False), ("sbr 1 rad, mirrors", PLAIN, True)):
             if ghosts and kind == "street":
                 continue
-            paths, cpu = timed(lambda knobs=knobs, ghosts=ghosts: _by_plan(street, plan, knobs, ghosts))
-            line["methods"][name] = _row(street, paths, cpu, coherent, level)
+            paths, cpu = timed(lambda knobs=knobs, ghosts=ghosts: by_plan(street, plan, knobs, ghosts))
+            line["methods"][name] = row_of(street, paths, cpu, coherent, level)
         paths, cpu = timed(lambda: solve_paths(street.state, RADAR, street.mount, "raycast", max_distance=street.reach))
-        line["methods"]["raycast"] = _row(street, paths, cpu, coherent, level)
+        line["methods"]["raycast"] = row_of(street, paths, cpu, coherent, level)
         return line
 
 
@@ -144,7 +143,7 @@ def reference(
             return line["level_db"], line["reference_cpu"]
     start = time.process_time()
     knobs = REFERENCE["near" if street.reach < WHOLE else kind]
-    truth = echoes(_by_plan(street, plan, knobs, True), coherent)
+    truth = echoes(by_plan(street, plan, knobs, True), coherent)
     seconds = round(time.process_time() - start, 1)
     level = {_name(street, n): round(level, 2) for n, level in truth.items() if level > 10.0}
     line = {"seed": seed, "name": street.name, "reach": street.reach, "reference_cpu": seconds}
@@ -154,8 +153,9 @@ def reference(
     return level, seconds
 
 
-def _plan(street: Street, tolerance: float) -> ChannelPlan:
-    return plan_channel(
+def widest_plan(street: Street, tolerance: float) -> tuple[ChannelPlan, list[int]]:
+    """Return the plan of `auto` without a budget, and the instances that it gives to `sbr`."""
+    plan = plan_channel(
         street.state,
         RADAR,
         street.mount,
@@ -164,9 +164,11 @@ def _plan(street: Street, tolerance: float) -> ChannelPlan:
         max_distance=street.reach,
         **ANY_COST,
     )
+    return plan, sorted({number for share in plan.shares if share.solver == "sbr" for number in share.instances})
 
 
-def _by_plan(street: Street, plan: ChannelPlan, knobs: SbrSettings, ghosts: bool) -> RadarPaths:
+def by_plan(street: Street, plan: ChannelPlan, knobs: SbrSettings, ghosts: bool) -> RadarPaths:
+    """Return the paths of `sbr` of what a plan gives to it, with ways over the plan's mirrors or straight ones only."""
     shares = tuple(
         replace(share, settings=knobs, **({} if ghosts else {"through_mirrors": False, "reflections": ()}))
         for share in plan.shares
@@ -180,7 +182,10 @@ def _name(street: Street, number: int) -> str:
     return street.state.world.instances[number].name
 
 
-def _row(street: Street, paths: RadarPaths, cpu: float, coherent: list[int], level: dict[str, float]) -> dict[str, Any]:
+def row_of(
+    street: Street, paths: RadarPaths, cpu: float, coherent: list[int], level: dict[str, float]
+) -> dict[str, Any]:
+    """Return processor time, number of paths and the error of each object's echo against the reference [dB]."""
     found = {_name(street, number): value for number, value in echoes(paths, coherent).items()}
     errors = {name: round(float(np.clip(found[name] - true, -GONE_DB, GONE_DB)), 2) for name, true in level.items()}
     return {"cpu": round(cpu, 3), "paths": paths.num_paths, "error_db": errors}

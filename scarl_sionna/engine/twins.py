@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import re
+import weakref
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -114,7 +115,7 @@ class Twin:
             found = self._params.properties
             self._fields = {key: found[key] for name in own for key in _keys(name) if key in found}
             self._params.properties = {key: value for key, value in found.items() if _LAMPS.match(key)}
-        self._applied: object = None
+        self._applied: weakref.ref[object] | None = None  # a state holds its world, which holds this twin
         self._pose_of: dict[str, Pose] = {}
         self._velocity_of: dict[str, tuple[float, ...]] = {}
         self._local_normals: dict[str, Array] = {}
@@ -223,7 +224,7 @@ class Twin:
 
     def stands_in(self, state: object) -> bool:
         """Return whether a state is applied."""
-        return self._applied is state
+        return self._applied is not None and self._applied() is state
 
     def apply(
         self,
@@ -258,7 +259,7 @@ class Twin:
             with many_threads():
                 if not self._params.update() and moved:  # an update of anything tells the scene, too
                     self.mi_scene.parameters_changed()
-        self._applied = state
+        self._applied = weakref.ref(state)
 
     def _move(self, mi: ModuleType, name: str, vertices: Array, normals: Array | None) -> None:
         """Write vertices [m] and shading normals of a part, each (num_vertices, 3), in the world."""

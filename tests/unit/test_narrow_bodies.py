@@ -49,7 +49,9 @@ def test_balls_hold_what_is_in_them() -> None:
     places = np.random.default_rng(1).uniform(-5.0, 5.0, (40, 3))
     mesh = trimesh.util.concatenate([box((0.1, 0.2, 0.5), place) for place in places])
     pose = Pose.from_euler([3.0, 2.0, 1.0], yaw=0.4)
-    bodies = NarrowBodies.of_parts([(NarrowBodies.of_mesh(np.asarray(mesh.triangles)), pose)] * 2)
+    others = [NarrowBodies.of_mesh(np.asarray(mesh.triangles[: 12 * number])) for number in (1, 3)]
+    many = NarrowBodies.of_mesh(np.asarray(mesh.triangles))
+    bodies = NarrowBodies.of_parts([(many, pose), *((other, Pose()) for other in others), (many, Pose())])
     single = np.flatnonzero(bodies.behind == np.arange(len(bodies.behind)) + 1)
     for number, behind in enumerate(bodies.behind):
         held = single[(single >= number) & (single < behind)]

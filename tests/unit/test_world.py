@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +46,28 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
         ],
     )
     return load_scene(path)
+
+
+def test_a_world_that_nobody_holds_is_gone_at_once(tmp_path: Path) -> None:
+    """Dr.Jit's kernels hold how many shapes of all worlds there are: one that lingers makes the next compile anew."""
+
+    def used() -> weakref.ref[World]:
+        path = write_scene(tmp_path, [Thing("car", box((4, 2, 1.5), (0, 0, 0.95)), "Car", "steel", WAY)])
+        lost = load_scene(path)
+        state = lost.at(0.5)
+        state.optical_scene()
+        state.radio_scene()
+        assert lost.twin("optical").stands_in(state)
+        assert not lost.twin("optical").stands_in(lost.at(0.5))
+        return weakref.ref(lost)
+
+    used()  # what is imported on first use may hold the frames of its caller
+    gc.collect()
+    gc.disable()
+    try:
+        assert used()() is None
+    finally:
+        gc.enable()
 
 
 def test_parts_instances_and_actors(world: World) -> None:

@@ -65,47 +65,16 @@ class NarrowBodies:
         if label.max(initial=-1) >= MOST_BODIES:
             label = np.zeros_like(label)
         center, radius, width = _covered(*_boxes(corners, label))
-        rows = [slice(k, k + 1) for k in range(len(radius))]
-        return cls._tree([cls(center[k], radius[k], width[k], np.ones(1, dtype=np.int64)) for k in rows])
+        one = np.ones(len(radius), dtype=np.int64)
+        return _tree(cls(center, radius, width, one), one)
 
     @classmethod
     def of_parts(cls, parts: Sequence[tuple[NarrowBodies, Pose]]) -> NarrowBodies:
         """Return the balls of meshes at their poses, `world_from_mesh`."""
         placed = [cls(pose.apply(part.center), part.radius, part.width, part.behind) for part, pose in parts]
-        return cls._tree([part for part in placed if len(part.radius)])
-
-    @classmethod
-    def _tree(cls, trees: list[NarrowBodies]) -> NarrowBodies:
-        """Return one tree of some: halves along the longest side of the box of their centres."""
-        if not trees:
-            return cls(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))
-        centers = np.array([tree.center[0] for tree in trees])
-        radii = np.array([tree.radius[0] for tree in trees])
-        widths = np.array([tree.width[0] for tree in trees])
-        found: list[NarrowBodies] = []
-        total = 0
-
-        def add(rows: Index) -> None:
-            nonlocal total
-            if len(rows) == 1:
-                tree = trees[rows[0]]
-                found.append(cls(tree.center, tree.radius, tree.width, tree.behind + total))
-                total += len(tree.radius)
-                return
-            places, number = centers[rows], len(found)
-            low, high = places.min(axis=0), places.max(axis=0)
-            middle = (low + high) / 2.0
-            radius = SLACK * (np.sqrt(((places - middle) ** 2).sum(axis=1)) + radii[rows]).max()
-            node = cls(middle[None], np.array([radius]), np.array([widths[rows].min()]), np.zeros(1, dtype=np.int64))
-            found.append(node)
-            total += 1
-            order = rows[np.argsort(places[:, (high - low).argmax()], kind="stable")]
-            add(order[: len(rows) // 2])
-            add(order[len(rows) // 2 :])
-            found[number].behind[0] = total
-
-        add(np.arange(len(trees)))
-        return cls(*(np.concatenate(column) for column in zip(*(vars(tree).values() for tree in found), strict=True)))
+        columns = zip(*(vars(part).values() for part in (_NOTHING, *placed)), strict=True)
+        sizes = np.array([len(part.radius) for part in placed], dtype=np.int64)
+        return _tree(cls(*map(np.concatenate, columns)), sizes[sizes > 0])
 
     def spacing(self, on: Device, corners: Array, source: Array, wide: Array, is_way_in: bool) -> Array:
         """Return the largest distance of the probes of tubes, so fine that each body that a tube may meet is probed.
@@ -168,6 +137,49 @@ class NarrowBodies:
         _, found = dr.while_loop(state, lambda number, found: number < count, step, label="bodies near tubes")
         with many_threads(len(corners)):
             return np.asarray(found.numpy(), dtype=np.float64)
+
+
+_NOTHING = NarrowBodies(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))
+
+
+def _tree(leaves: NarrowBodies, sizes: Index) -> NarrowBodies:
+    """Return one tree of some, of so many balls each: halves along the longest side of the box of their centres.
+
+    The nodes of one depth are made at once, each a run of `order`.
+    """
+    head = np.cumsum(sizes) - sizes
+    count = len(leaves.radius) + max(len(sizes) - 1, 0)
+    center, radius, width = np.empty((count, 3)), np.empty(count), np.empty(count)
+    behind, place = np.empty(count, dtype=np.int64), np.empty(len(sizes), dtype=np.int64)
+    order = np.arange(len(sizes))
+    begin, number, at = np.zeros(1, dtype=np.int64), np.array([len(sizes)]), np.zeros(1, dtype=np.int64)
+    while len(begin):
+        place[order[begin[number == 1]]] = at[number == 1]
+        begin, number, at = begin[number > 1], number[number > 1], at[number > 1]
+        if not len(begin):
+            break
+        node, first = np.repeat(np.arange(len(number)), number), np.cumsum(number) - number
+        run = np.arange(len(node)) + (begin - first)[node]
+        root = head[order[run]]
+        places = leaves.center[root]
+        low, high = np.minimum.reduceat(places, first), np.maximum.reduceat(places, first)
+        center[at] = (low + high) / 2.0
+        away = np.sqrt(((places - center[at][node]) ** 2).sum(axis=1)) + leaves.radius[root]
+        radius[at] = SLACK * np.maximum.reduceat(away, first)
+        width[at] = np.minimum.reduceat(leaves.width[root], first)
+        along = places[np.arange(len(node)), (high - low).argmax(axis=1)[node]]
+        order[run] = order[run][np.lexsort((along, node))]
+        held = np.cumsum(sizes[order[run]])
+        behind[at] = at + number - 1 + held[first + number - 1] - held[first] + sizes[order[begin]]
+        half = number // 2
+        middle = at + half + held[first + half - 1] - held[first] + sizes[order[begin]]
+        begin, number, at = (
+            np.concatenate(pair) for pair in ((begin, begin + half), (half, number - half), (at + 1, middle))
+        )
+    row = np.arange(len(leaves.radius)) + np.repeat(place - head, sizes)
+    center[row], radius[row], width[row] = leaves.center, leaves.radius, leaves.width
+    behind[row] = leaves.behind + np.repeat(place, sizes)
+    return NarrowBodies(center, radius, width, behind)
 
 
 def _boxes(corners: Array, label: Index) -> tuple[Array, Array, Array]:
