@@ -122,9 +122,13 @@ class ComingBack(Question):
             station = np.array([one.wanted.station for one in questions])[asked]
             bounces = np.array([one.bounces for one in questions])[asked]
             probe = _ReturnProbe(questions[0].wanted, (source[short], lift[short]), station, bounces)
-            count = COUNTS[layout[short]]
-            labels = probe.within(corners[short], np.arange(len(short)), count, OFFSETS[layout[short]])
-            found[short] = np.maximum.reduceat(labels, np.cumsum(count) - count) > 0
+            count, first = COUNTS[layout[short]], OFFSETS[layout[short]]
+            # the first ray decides every other tube
+            found[short] = probe.within(corners[short], np.arange(len(short)), np.ones_like(count), first) > 0
+            rest = np.flatnonzero(~found[short] & (count > 1))
+            count = count[rest] - 1
+            labels = probe.within(corners[short[rest]], rest, count, first[rest] + 1)
+            found[short[rest]] = np.maximum.reduceat(labels, np.cumsum(count) - count) > 0
         return np.split(np.asarray(found), ends[:-1])
 
 
