@@ -18,8 +18,9 @@ from scarl_sionna.core.settings.weather_echoes import DEFAULT_WEATHER_ECHOES
 from scarl_sionna.core.specs.drop_sizes import RAIN_SIZES
 from scarl_sionna.core.specs.weather import FULL_FILM, Spray
 from scarl_sionna.radar.weather.attenuation import rain_attenuation, weather_attenuation
-from scarl_sionna.radar.weather.clutter import beam_share, falling, mean_clutter_power, volume_clutter
+from scarl_sionna.radar.weather.clutter import volume_clutter
 from scarl_sionna.radar.weather.hydrometeors import rain, snow
+from scarl_sionna.radar.weather.mean_clutter import beam_share, falling, mean_clutter_power
 from scarl_sionna.scene.materials.fresnel import reflection
 from scarl_sionna.scene.materials.table import builtin_materials
 from scarl_sionna.signal.noise import angle_cell_noise_power

@@ -21,7 +21,7 @@ from scarl_sionna.radar.scanning.beats import _bending
 from scarl_sionna.radar.scanning.sensor import ScanningRadar
 from scarl_sionna.radar.synthesis.blocks import later
 from scarl_sionna.radar.weather.attenuation import weather_attenuation
-from scarl_sionna.radar.weather.clutter import falling, mean_clutter_power
+from scarl_sionna.radar.weather.mean_clutter import falling, mean_clutter_power
 from tests.exports import contents, scene_file
 from tests.scenes import Material, Thing, box, plane, write_scene
 

@@ -23,8 +23,8 @@ from scarl_sionna.radar.weather.attenuation import (
     specific_attenuation,
     weather_attenuation,
 )
-from scarl_sionna.radar.weather.clutter import falling
 from scarl_sionna.radar.weather.hydrometeors import rain
+from scarl_sionna.radar.weather.mean_clutter import falling
 from scarl_sionna.scene.materials.dielectrics import water_permittivity
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 

@@ -12,7 +12,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.radar.weather.cells import direction_steps, range_rows, thinned
-from scarl_sionna.radar.weather.clutter import VolumeSampling, falling, volume_clutter
+from scarl_sionna.radar.weather.clutter import VolumeSampling, volume_clutter
+from scarl_sionna.radar.weather.mean_clutter import falling
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import virtual_cube
 

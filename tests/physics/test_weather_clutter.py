@@ -28,15 +28,12 @@ from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.radar.weather.clutter import (
     VOLUME_INTERACTION,
     VolumeSampling,
-    clutter_budget,
-    falling,
-    mean_clutter_power,
     spray_clutter,
     through_weather,
-    two_way_gain_integral,
     volume_clutter,
 )
 from scarl_sionna.radar.weather.hydrometeors import spray
+from scarl_sionna.radar.weather.mean_clutter import clutter_budget, falling, mean_clutter_power, two_way_gain_integral
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.weather_street import street
 

@@ -8,19 +8,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import expi, ndtri
+from scipy.special import ndtri
 
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.weather_echoes import DEFAULT_WEATHER_ECHOES
-from scarl_sionna.core.specs.radar.array import AntennaArray
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.core.units import dbm_to_watt
@@ -29,14 +27,14 @@ from scarl_sionna.engine.spray import SprayCloud, spray_clouds
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.scene.materials.dielectrics import CELSIUS
-from scarl_sionna.signal.angle import directions
 from scarl_sionna.signal.antenna import two_way_gain
 from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
 from .attenuation import attenuate, weather_attenuation
 from .cells import Rows, Scatter, direction_steps, even_draws, gaussian_cells, range_rows
-from .hydrometeors import Hydrometeors, rain, snow, spray
+from .hydrometeors import spray
+from .mean_clutter import GRID_DEG, ClutterBudget, clutter_budget, falling, gain_cells
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -45,9 +43,6 @@ Array = npt.NDArray[np.float64]
 
 VOLUME_INTERACTION = 16
 """Kind of interaction written for a scatterer in the air; its instance is 0, since it belongs to no object."""
-_GRID_DEG = 1.0
-"""Cells of the two-way gain [deg], a direction in each. The integral is the same to 1e-12 for cells of 0.25 to 4 deg
-(preset ``awr1843boost``)."""
 _FINEST = 8
 """Of these cells there are at most as many in 1 deg, two in a direction of the lattice: arrays of up to 0.25 deg."""
 _LEAST_GAIN = 1e-9
@@ -57,177 +52,13 @@ _FALL_CLASSES = 8
 
 
 @dataclass(frozen=True)
-class ClutterBudget:
-    """What the weather sends back at most, against the noise of a range-Doppler-angle cell.
-
-    Attributes
-    ----------
-    reflectivity_db : float
-        eta [dB, 1 m2/m3].
-    reach : float
-        Range up to which a cell may hold more than the tolerance allows to leave out [m]; 0: nothing is computed.
-    snr_db : tuple of float
-        Power of the strongest cell at 5, 10, 20 and 50 m over the noise of one cell [dB].
-    """
-
-    reflectivity_db: float
-    reach: float
-    snr_db: tuple[float, ...]
-
-
-def falling(weather: Weather, frequency: float) -> list[Hydrometeors]:
-    """Return what falls in a weather: rain, snow, both or nothing.
-
-    The droplets of fog send back 50 dB less and are left out. For the sources see :mod:`.hydrometeors` (Mie's series
-    over the drop sizes).
-
-    References
-    ----------
-    .. [1] C. F. Bohren, D. R. Huffman, *Absorption and Scattering of Light by Small Particles*, 1983, chapter 4.
-    """
-    kelvin = weather.temperature_celsius + CELSIUS
-    found = []
-    if weather.rain_rate > 0.0:
-        found.append(rain(weather.rain_rate, frequency, kelvin, weather.drop_sizes))
-    if weather.snow_rate > 0.0:
-        found.append(snow(weather.snow_rate, frequency, weather.snow, kelvin))
-    return found
-
-
-@lru_cache(maxsize=16)
-def _two_way_gain(array: AntennaArray, fine: tuple[int, int] = (1, 1)) -> tuple[Array, Array, Array]:
-    """Return azimuth and elevation of cells of the sphere [rad], and the two-way gain times their solid angle [sr].
-
-    Shapes (num_azimuth,), (num_elevation,) and (num_azimuth, num_elevation); cells of 1 deg over `fine`.
-    """
-    steps = [_GRID_DEG / number for number in fine]
-    azimuth = np.radians(np.arange(-180.0, 180.0 - 1e-9, steps[0]) + steps[0] / 2.0)
-    elevation = np.radians(np.arange(-90.0, 90.0 - 1e-9, steps[1]) + steps[1] / 2.0)
-    if array.is_uniform:
-        gain = 10.0 ** (array.pattern.gain_db(azimuth[:, None], elevation[None]) / 5.0)
-    else:
-        gain = two_way_gain(array, directions(azimuth[:, None], elevation[None]))
-    return azimuth, elevation, gain * np.cos(elevation) * np.radians(steps[0]) * np.radians(steps[1])
-
-
-def two_way_gain_integral(array: AntennaArray) -> float:
-    """Return the integral of the squared power gain over all directions [sr], by definition."""
-    return float(_two_way_gain(array)[2].sum())
-
-
-def beam_share(radar: RadarSpec) -> float:
-    """Return the part of the two-way gain that one beam of the virtual array holds at most, 0 to 1.
-
-    A beam is by definition as wide as the wavelength over the array's extent, in azimuth and in elevation; an array
-    without extent does not tell directions apart.
-    """
-    density = _two_way_gain(radar.array)[2]
-    density = density / density.sum()
-    extent = np.ptp((radar.tx_array[:, None] + radar.rx_array[None]).reshape(-1, 3), axis=0)
-    share = 1.0
-    for axis, marginal in ((1, density.sum(axis=1)), (2, density.sum(axis=0))):
-        if extent[axis] > 0.0:
-            width = math.degrees(radar.wavelength / float(extent[axis]))
-            share *= min(1.0, float(marginal.max()) / _GRID_DEG * width)
-    return share
-
-
-def mean_clutter_power(
-    radar: RadarSpec, reflectivity: float, near: npt.ArrayLike, far: npt.ArrayLike, attenuation_db_per_km: float = 0.0
-) -> Array:
-    r"""Return the mean power that one antenna pair receives from a volume between two ranges [W].
-
-    Parameters
-    ----------
-    radar : RadarSpec
-    reflectivity : float
-        eta [m2/m3].
-    near, far : array_like of float, of shapes that broadcast
-        [m], > 0.
-    attenuation_db_per_km : float
-        One way.
-
-    Returns
-    -------
-    ndarray of float64, of the shape of both
-        [W].
-
-    Notes
-    -----
-    .. math:: P = \frac{P_t \lambda^2 \eta}{(4 \pi)^3} \int G^2 d\Omega \int_{R_1}^{R_2} \frac{e^{-2 \alpha R}}{R^2} dR
-
-    the radar equation over the volume around the radar; the last integral is that of an exponential integral.
-
-    References
-    ----------
-    .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, section 7.6.
-    """
-    scale = dbm_to_watt(radar.front_end.tx_power_dbm) * float(radar_gain(radar.wavelength, 1.0)) * reflectivity
-    near, far = np.asarray(near, dtype=np.float64), np.asarray(far, dtype=np.float64)
-    rate = 2.0 * attenuation_db_per_km * math.log(10.0) / 1e4
-    integral = 1.0 / near - 1.0 / far
-    if rate > 0.0:
-        integral = (np.exp(-rate * near) / near + rate * expi(-rate * near)) - (
-            np.exp(-rate * far) / far + rate * expi(-rate * far)
-        )
-    return np.asarray(scale * two_way_gain_integral(radar.array) * integral)
-
-
-def clutter_budget(
-    weather: Weather, radar: RadarSpec, reach: float | None = None, settings: RadarSettings | None = None
-) -> ClutterBudget:
-    """Return how far the weather's own echoes matter.
-
-    Parameters
-    ----------
-    weather : Weather
-    radar : RadarSpec
-    reach : float, optional
-        Longest range looked at [m]; the unambiguous range if left out.
-    settings : RadarSettings, optional
-        Its `accuracy` (the floor) and `weather_echoes`.
-
-    Notes
-    -----
-    The radar equation over a volume [1]_. The Doppler of a range bin is taken to be spread by turbulence alone, so a
-    cell holds less than this. Bins that stay below ``Accuracy.channel_floor_db`` against the noise of one cell of the
-    range-Doppler-angle cube are left out.
-
-    References
-    ----------
-    .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, section 7.6.
-    """
-    settings = settings or RadarSettings()
-    eta = sum(item.reflectivity for item in falling(weather, radar.center_frequency))
-    if eta == 0.0:
-        return ClutterBudget(-math.inf, 0.0, ())
-    step = radar.range_resolution
-    edges = np.maximum(
-        np.arange(int(min(reach or math.inf, radar.max_range) / step) + 1) * step, settings.weather_echoes.nearest
-    )
-    spread = math.sqrt(2.0 * math.pi) * max(weather.turbulence, 1e-6)
-    share = min(1.0, radar.velocity_resolution / spread)
-    over_noise = share * beam_share(radar) / angle_cell_noise_power(radar)
-    loss = weather_attenuation(weather, radar.center_frequency, radar.array.polarization)
-    power = mean_clutter_power(radar, eta, edges[:-1], np.maximum(edges[1:], edges[:-1] + 1e-6), loss) * over_noise
-    above = np.flatnonzero(power > 10.0 ** (settings.accuracy.channel_floor_db / 10.0))
-    middle = np.array([5.0, 10.0, 20.0, 50.0])
-    at = mean_clutter_power(radar, eta, middle - step / 2.0, middle + step / 2.0, loss) * over_noise
-    return ClutterBudget(
-        10.0 * math.log10(eta),
-        float(edges[above[-1] + 1]) if above.size else 0.0,
-        tuple(round(10.0 * math.log10(value), 1) for value in at),
-    )
-
-
-@dataclass(frozen=True)
 class VolumeSampling:
     """Which points stand for the drops of a volume.
 
     Attributes
     ----------
     reach : float or None
-        Points lie within [m]; None: that of :func:`clutter_budget`.
+        Points lie within [m]; None: that of :func:`.mean_clutter.clutter_budget`.
     num_points : int
         About so many at most; a volume of more cells is thinned, the weakest first.
     nearest : float
@@ -272,10 +103,11 @@ def volume_clutter(
     Notes
     -----
     The volume is a lattice of cells of range, direction and radial velocity as large as the radar's resolution, a point
-    in each (:func:`.cells.gaussian_cells`). Its mean power is :func:`mean_clutter_power` of its part of the volume that
-    is in sight; its amplitude is circular normal: many drops, fully developed speckle. So a range-Doppler-angle cell is
-    normal with an even mean, and the mean power of any part of the volume is exact. Velocities are those of the wind,
-    its turbulence (normal, each axis) and the fall of the drops' sizes by what they send back, less the radar's own.
+    in each (:func:`.cells.gaussian_cells`). Its mean power is that of its part of the volume that is in sight
+    (:func:`.mean_clutter.mean_clutter_power`); its amplitude is circular normal: many drops, fully developed speckle.
+    So a range-Doppler-angle cell is normal with an even mean, and the mean power of any part of the volume is exact.
+    Velocities are those of the wind, its turbulence (normal, each axis) and the fall of the drops' sizes by what they
+    send back, less the radar's own.
 
     *Not modelled*: multipath of the rain's echo over the ground, depolarisation, correlation of turbulence, the second
     order of a point's range within a frame, which would cost 60 times as much and only change which random numbers a
@@ -316,11 +148,11 @@ def _scatter(
 ) -> Scatter:
     """Return what falls, seen along directions, random within cells of the pattern."""
     fine = tuple(
-        int(np.clip(np.ceil(2.0 * np.radians(_GRID_DEG) / step), 1, _FINEST)) for step in direction_steps(radar)
+        int(np.clip(np.ceil(2.0 * np.radians(GRID_DEG) / step), 1, _FINEST)) for step in direction_steps(radar)
     )
-    azimuth, elevation, weight = _two_way_gain(radar.array, (fine[0], fine[1]))
+    azimuth, elevation, weight = gain_cells(radar.array, (fine[0], fine[1]))
     row, column = np.nonzero(weight > _LEAST_GAIN * weight.max())
-    jitter = (rng.random((2, len(row))) - 0.5) * np.radians(_GRID_DEG)
+    jitter = (rng.random((2, len(row))) - 0.5) * np.radians(GRID_DEG)
     phi, theta = azimuth[row] + jitter[0] / fine[0], elevation[column] + jitter[1] / fine[1]
     local = np.stack([np.cos(phi) * np.cos(theta), np.sin(phi) * np.cos(theta), np.sin(theta)], axis=1)
     direction = mount.pose.rotate(local)
