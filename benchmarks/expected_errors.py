@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.harness import machine
 from benchmarks.street_scenes import problem
-from benchmarks.whole_streets import FINEST, RADAR, _by_plan, _name, _plan, echoes, reference
+from benchmarks.whole_streets import FINEST, RADAR, name_of, by_plan, echoes, reference, widest_plan
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO, ErrorEstimate
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
 from scarl_sionna.radar.channel.compose.expected_error import expected_errors, levels_db, reverse_doubts
@@ -45,14 +45,13 @@ def solve(kind: str, seed: int, reach: float | None) -> dict[str, Any]:
     """Return the line of one problem: of each object its error at each level, and what could tell it."""
     with problem(kind, seed) as street:
         street = replace(street, reach=street.reach if reach is None else reach)
-        plan = _plan(street, FINEST[kind])
-        bodies = sorted({number for share in plan.shares if share.solver == "sbr" for number in share.instances})
+        plan, bodies = widest_plan(street, FINEST[kind])
         truth, _ = reference(kind, seed, street, plan, bodies)
         objects: dict[str, Object] = {name: {"ref": level} for name, level in truth.items()}
         line: dict[str, Any] = {"kind": kind, "seed": seed, "name": street.name, "objects": objects, "cpu": {}}
         for label, level in LEVELS.items():
             start = time.process_time()
-            paths = _by_plan(street, plan, sbr_settings(level), True)
+            paths = by_plan(street, plan, sbr_settings(level), True)
             line["cpu"][label] = round(time.process_time() - start, 2)
             apart, last = (
                 expected_errors(
@@ -62,12 +61,12 @@ def solve(kind: str, seed: int, reach: float | None) -> dict[str, Any]:
             )
             found, power = echoes(paths, bodies), levels_db(paths, RADAR, bodies)
             reverse = reverse_doubts(paths, RADAR, bodies, bodies)
-            for number in (number for number in bodies if _name(street, number) in objects):
-                values = found[number] - truth[_name(street, number)], power[number], apart.get(number, 99.0)
+            for number in (number for number in bodies if name_of(street, number) in objects):
+                values = found[number] - truth[name_of(street, number)], power[number], apart.get(number, 99.0)
                 more = last.get(number, 0.0), reverse.get(number, 0.0)
                 names = "error", "power", "apart", "last", "reverse"
                 row = {name: round(value, 3) for name, value in zip(names, (*values, *more), strict=True)}
-                objects[_name(street, number)][label] = row
+                objects[name_of(street, number)][label] = row
         return line
 
 

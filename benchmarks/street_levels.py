@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.harness import machine, write_block
 from benchmarks.street_scenes import problem
-from benchmarks.whole_streets import FINEST, PLAIN, _by_plan, _name, _plan, echoes, reference
+from benchmarks.whole_streets import FINEST, PLAIN, name_of, by_plan, echoes, reference, widest_plan
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
@@ -60,17 +60,16 @@ SHARE = 0.9
 def solve(kind: str, seed: int, line: dict[str, Any] | None = None) -> dict[str, Any]:
     """Return the line of one problem, or one with the levels that it lacks."""
     with problem(kind, seed) as frame:
-        plan = _plan(frame, FINEST[kind])
-        bodies = sorted({number for share in plan.shares if share.solver == "sbr" for number in share.instances})
+        plan, bodies = widest_plan(frame, FINEST[kind])
         if line is None:
             level, seconds = reference(kind, seed, frame, plan, bodies)
             line = {"seed": seed, "name": frame.name, "reference_cpu": seconds, "level_db": level, "levels": {}}
-        counted = {_name(frame, number): number for number in bodies if _name(frame, number) in line["level_db"]}
+        counted = {name_of(frame, number): number for number in bodies if name_of(frame, number) in line["level_db"]}
         for label, knobs in levels_of(kind).items():
             if label in line["levels"]:
                 continue
             start = time.process_time()
-            paths = _by_plan(frame, plan, knobs, True)
+            paths = by_plan(frame, plan, knobs, True)
             cpu = time.process_time() - start
             found = echoes(paths, bodies)
             line["levels"][label] = {

@@ -145,7 +145,7 @@ def reference(
     knobs = REFERENCE["near" if street.reach < WHOLE else kind]
     truth = echoes(by_plan(street, plan, knobs, True), coherent)
     seconds = round(time.process_time() - start, 1)
-    level = {_name(street, n): round(level, 2) for n, level in truth.items() if level > 10.0}
+    level = {name_of(street, n): round(level, 2) for n, level in truth.items() if level > 10.0}
     line = {"seed": seed, "name": street.name, "reach": street.reach, "reference_cpu": seconds}
     line |= {"level_db": level, "machine": machine()}
     with REFERENCES[kind].open("a") as file:
@@ -178,7 +178,8 @@ def by_plan(street: Street, plan: ChannelPlan, knobs: SbrSettings, ghosts: bool)
     return solve_paths(street.state, RADAR, street.mount, "hybrid", plan=own, max_distance=street.reach, **ANY_COST)
 
 
-def _name(street: Street, number: int) -> str:
+def name_of(street: Street, number: int) -> str:
+    """Return the name of an instance."""
     return street.state.world.instances[number].name
 
 
@@ -186,7 +187,7 @@ def row_of(
     street: Street, paths: RadarPaths, cpu: float, coherent: list[int], level: dict[str, float]
 ) -> dict[str, Any]:
     """Return processor time, number of paths and the error of each object's echo against the reference [dB]."""
-    found = {_name(street, number): value for number, value in echoes(paths, coherent).items()}
+    found = {name_of(street, number): value for number, value in echoes(paths, coherent).items()}
     errors = {name: round(float(np.clip(found[name] - true, -GONE_DB, GONE_DB)), 2) for name, true in level.items()}
     return {"cpu": round(cpu, 3), "paths": paths.num_paths, "error_db": errors}
 
