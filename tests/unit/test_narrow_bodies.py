@@ -10,6 +10,8 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.engine.device import device
 from scarl_sionna.engine.smooth.creases import connected_faces
 from scarl_sionna.radar.optics.tubes.narrow import MOST_BODIES, SHARE, NarrowBodies
+from scarl_sionna.radar.optics.tubes.spacings import NearBodies, Spacings
+from scarl_sionna.radar.optics.tubes.tube_shape import halved
 from tests.scenes import box
 
 BAR = box((0.03, 0.03, 2.5), (0.0, 0.0, 0.0))
@@ -70,6 +72,25 @@ def test_probes_are_as_fine_as_the_shadow_of_a_bar() -> None:
     assert _spacing(bar, 4.0, 0.0, is_way_in=True) == 1.0  # before it
     assert _spacing(bar, 4.0, 0.0, is_way_in=False) == 1.0  # behind the face that reflects
     assert _spacing(bar, 8.0, 0.0, is_way_in=False) == pytest.approx(SHARE * 0.03 * 8.0 / 11.0, rel=0.01)
+
+
+def test_pieces_of_a_footprint_are_probed_finely_only_before_the_bar() -> None:
+    """A footprint of 8 m at 20 m, a bar before its left end: the half at the right is as coarse as it would be."""
+    bar = NarrowBodies.of_parts([(NarrowBodies.of_mesh(np.asarray(BAR.triangles)), Pose([15.0, -2.8, 0.0]))])
+    whole = np.array([[[20.0, -4.0, -0.1], [20.0, 4.0, -0.1], [20.0, 0.0, 0.2]]])
+    one = np.ones(1)
+    with device("radio") as on:
+        spacings = Spacings.beside(NearBodies(on, bar, True, np.zeros((1, 3)), one, 0.5 * one, one / 12.0), whole)
+        halves = halved(whole)
+        rows, parent = np.zeros(2, dtype=np.int64), (np.tile(spacings.wide, 2), np.tile(spacings.fine, 2))
+        wide, fine = spacings.of_pieces(halves, rows, *parent)
+        again = spacings.of_pieces(halves, rows, wide, fine)
+    left = halves.mean(axis=1)[:, 1].argmin()
+    assert spacings.wide[0] == pytest.approx(1.0 / 12.0) == spacings.fine[0]  # 0.7 * 0.03 * 20 / 15 is less
+    assert wide[left] == fine[left] == pytest.approx(1.0 / 12.0)
+    assert (wide[1 - left], fine[1 - left]) == (1.0, 0.5)
+    assert np.array_equal(again, (wide, fine))
+    assert spacings.plain == one
 
 
 def test_leaves_count_as_one_body() -> None:

@@ -257,5 +257,5 @@ def test_grazed_footprints_are_not_cut_along_edges(given_in_wavelengths) -> None
         if given_in_wavelengths:
             wide, fine = (number * 299792458.0 / radar.center_frequency for number in (8.0, 2.0))
         grazed = np.array([True, False, True, False, False, False])
-        np.testing.assert_allclose(found[0], np.where(grazed, np.inf, wide), rtol=1e-6)
-        np.testing.assert_allclose(found[1], np.where(grazed, np.inf, fine), rtol=1e-6)
+        np.testing.assert_allclose(found.wide, np.where(grazed, np.inf, wide), rtol=1e-6)
+        np.testing.assert_allclose(found.fine, np.where(grazed, np.inf, fine), rtol=1e-6)

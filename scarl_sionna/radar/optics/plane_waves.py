@@ -16,6 +16,7 @@ from .body.mesh import Body
 from .surfaces import PartSurfaces
 from .tubes.probes import ParallelRays, PlaneProbe, ShadowProbe
 from .tubes.refine import Pieces, refine
+from .tubes.spacings import Spacings
 from .tubes.trace import GRAZING, Tubes, depth_first, face_of_plane, gathered, landing
 
 Array = npt.NDArray[np.float64]
@@ -239,8 +240,8 @@ def unhidden(
         return
     with body.rays.active():
         probe = ShadowProbe(body.rays, ParallelRays(body.rays, towards), tubes.normal[rows])
-    sizes = settings.spacings(wavelength)
-    for corners, number, dark in refine(tubes.corners[rows], np.arange(len(rows)), probe, *sizes, settings):
+    spacings = Spacings(*settings.spacings(wavelength))
+    for corners, number, dark in refine(tubes.corners[rows], np.arange(len(rows)), probe, spacings, settings):
         lit = dark == 0
         yield corners[lit], number[lit]
 
@@ -263,8 +264,8 @@ def _next(body: Body, waves: Waves, bounce: Bounce, of_plane: Index, settings: S
         return
     with body.rays.active():
         probe = PlaneProbe(body.rays, ParallelRays(body.rays, bounce.onward), tubes.normal, body.plane)
-    sizes = settings.spacings(waves.wavelength[tubes.wave[chosen]])
-    for pieces in refine(tubes.corners[chosen], chosen, probe, *sizes, settings):
+    spacings = Spacings(*settings.spacings(waves.wavelength[tubes.wave[chosen]]))
+    for pieces in refine(tubes.corners[chosen], chosen, probe, spacings, settings):
         yield _landed(body, bounce, pieces, of_plane)
 
 

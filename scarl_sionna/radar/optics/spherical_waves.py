@@ -33,6 +33,7 @@ from .tubes.narrow import MOST_FINER, NarrowBodies
 from .tubes.probes import SAME_DISTANCE
 from .tubes.returning import ComingBack, Return
 from .tubes.screens import FieldOfView, Screen, Window
+from .tubes.spacings import NearBodies, Spacings
 from .tubes.together import Question, Tracing, together
 from .tubes.trace import GRAZING, Tubes, face_of_plane, landing, lands_ahead
 from .tubes.tube_shape import middle
@@ -390,8 +391,8 @@ class Tracer:
     def _watched(self, tubes: ImageTubes) -> ImageTubes:
         return tubes.take(np.flatnonzero(self.rx.touches(tubes.corners)))
 
-    def _spacings(self, tubes: ImageTubes, source: Array, is_way_in: bool) -> tuple[Array, Array]:
-        """Return the largest distance of the rays of footprints, and the size down to which they are halved [m]."""
+    def _spacings(self, tubes: ImageTubes, source: Array, is_way_in: bool) -> Spacings:
+        """Return how finely footprints are probed and halved; those at grazing incidence only for narrow bodies."""
         ray = middle(tubes.corners) - source
         distance = np.sqrt(np.einsum("ij,ij->i", ray, ray))
         cosine = np.einsum("ij,ij->i", self.faces.triangles.normal[tubes.face[:, -1]], ray) / distance
@@ -399,14 +400,12 @@ class Tracer:
         wavelength = 2.0 * np.pi / self.size.wavenumber
         sheet = self.sheet[tubes.face[:, -1]]
         wide, fine = self.settings.spacings(wavelength, self.size.length(distance), sheet)
-        probes = np.where(grazing, np.inf, wide)
-        if self.narrow is not None:
-            near = self.narrow.spacing(self.rays, tubes.corners, source, probes, is_way_in)
-            finer = np.maximum(near, wide / MOST_FINER)
-            # a larger tube may have a bar across, which one cut does not cut out
-            fine = np.where(near < probes, np.minimum(fine, finer), fine)
-            probes = np.where(near < probes, finer, probes)
-        return probes, np.where(grazing, np.inf, fine)
+        phase = Spacings(np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine))
+        if self.narrow is None:
+            return phase
+        source, least = np.broadcast_to(source, ray.shape), np.full(len(ray), wide / MOST_FINER)
+        near = NearBodies(self.rays, self.narrow, is_way_in, source, phase.wide, phase.fine, least)
+        return Spacings.beside(near, tubes.corners)
 
     def _seen(
         self, tubes: ImageTubes, station: Viewpoint, place: tuple[int, int]
@@ -418,10 +417,10 @@ class Tracer:
         if not len(tubes):
             return tubes
         start = station.pose.position
-        wide, fine = self._spacings(tubes, start, is_way_in=True)
+        spacings = self._spacings(tubes, start, is_way_in=True)
         screen = Screen(start, station.window, station.view)
         target = Seen(self.rays, screen, tubes.face[:, -1], self.panes)
-        corners, rows, dark = yield Cut(place, tubes.corners, wide, fine, target, self.settings)
+        corners, rows, dark = yield Cut(place, tubes.corners, spacings, target, self.settings)
         lit = dark != DARK
         found = tubes.take(rows[lit], corners[lit])
         behind = np.flatnonzero(dark[lit] > DARK)
@@ -469,17 +468,17 @@ class Tracer:
         image = tubes.image[:, -1] - 2.0 * height[:, None] * normal
         lift = normal * np.sign(height)[:, None]
         place, rest = tubes.depth, self.settings.max_depth - tubes.depth
-        wide, fine = self._spacings(tubes, image, is_way_in=False)
+        spacings = self._spacings(tubes, image, is_way_in=False)
         if self._return is not None:
-            kept = yield ComingBack((place, 2), self._return, tubes.corners, image, lift, wide, rest)
+            kept = yield ComingBack((place, 2), self._return, tubes.corners, image, lift, spacings, rest)
             tubes, image, lift, last = tubes.take(kept), image[kept], lift[kept], last[kept]
-            wide, fine = wide[kept], fine[kept]
+            spacings = spacings.take(np.flatnonzero(kept))
         if not len(tubes):
             return self._landed(tubes, image, tubes.corners, last, last)
         target = Landing(self.rays, self.faces, self.chosen, image, lift, last)
         if rest == 1:
             target = replace(target, station=self.rx.pose.position, angle=self.settings.return_angle)
-        corners, rows, plane = yield Cut((place, 3), tubes.corners, wide, fine, target, self.settings)
+        corners, rows, plane = yield Cut((place, 3), tubes.corners, spacings, target, self.settings)
         met = plane != MISS
         return self._landed(tubes, image, corners[met], rows[met], self._of_plane[plane[met]])
 

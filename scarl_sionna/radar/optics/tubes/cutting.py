@@ -17,6 +17,7 @@ from ..patches import EvenSize, split
 from .probes import CentralRays, PlaneProbe, Probe
 from .refine import Pieces, refined
 from .screens import Screen, ScreenedProbe, Window
+from .spacings import Spacings
 from .together import Question
 from .trace import TableT
 
@@ -33,8 +34,8 @@ class Cut(Question):
     place : tuple of int
     corners : ndarray of float64, shape (num_tubes, 3, 3)
         [m].
-    wide, fine : ndarray of float64, shape (num_tubes,)
-        Largest distance of the probes, and size down to which straddling tubes are halved [m].
+    spacings : Spacings
+        How finely they are probed and halved.
     target : Seen or Landing
         By what they are labelled.
     settings : SbrSettings
@@ -42,8 +43,7 @@ class Cut(Question):
 
     place: tuple[int, ...]
     corners: Array
-    wide: Array
-    fine: Array
+    spacings: Spacings
     target: Seen | Landing
     settings: SbrSettings
 
@@ -52,19 +52,19 @@ class Cut(Question):
 
     @property
     def key(self) -> Hashable:
-        """What is asked together: by one probe and the same knobs."""
-        knobs = self.settings
-        return Cut, type(self.target), self.target.key, knobs.bisections, knobs.corner_share, knobs.max_rays
+        """What is asked together: by one probe, beside the same bodies and with the same knobs."""
+        knobs, near = self.settings, self.spacings.near
+        bodies = None if near is None else (id(near.bodies), near.is_way_in)
+        return Cut, type(self.target), self.target.key, bodies, knobs.bisections, knobs.corner_share, knobs.max_rays
 
     @classmethod
     def answered(cls, questions: Sequence[Cut]) -> list[Pieces]:
         """Return the pieces of each question."""
-        corners, wide, fine = (
-            np.concatenate([getattr(one, name) for one in questions]) for name in ("corners", "wide", "fine")
-        )
+        corners = np.concatenate([one.corners for one in questions])
+        spacings = Spacings.joined([one.spacings for one in questions])
         targets = [one.target for one in questions]
         probe: Probe = type(targets[0]).probe(targets)  # type: ignore[arg-type,misc] # all of one type, by the key
-        corners, rows, label = refined(corners, np.arange(len(corners)), probe, wide, fine, questions[0].settings)
+        corners, rows, label = refined(corners, np.arange(len(corners)), probe, spacings, questions[0].settings)
         if len(questions) == 1:
             return [(corners, rows, label)]
         ends = np.cumsum([len(one) for one in questions])

@@ -22,6 +22,7 @@ from scarl_sionna.core.arrays.rows import row_all
 from scarl_sionna.core.settings.sbr import SbrSettings
 
 from .probes import Probe
+from .spacings import Spacings
 from .tube_shape import COUNTS, OFFSETS, TOO_LONG, cut_off, halved, layouts, sides_and_height
 
 Array = npt.NDArray[np.float64]
@@ -33,9 +34,7 @@ _CUT = 1 << 20
 """Pool of the tubes that are cut along an edge: the last one to be worked on."""
 
 
-def refine(
-    corners: Array, rows: Index, probe: Probe, spacing: Array, edge_spacing: Array, settings: SbrSettings
-) -> Iterator[Pieces]:
+def refine(corners: Array, rows: Index, probe: Probe, spacings: Spacings, settings: SbrSettings) -> Iterator[Pieces]:
     """Cut tubes until each one has one label.
 
     Parameters
@@ -46,8 +45,8 @@ def refine(
         Row of each tube in the tables of the probe; pieces inherit it.
     probe : Probe
         What the rays of a tube meet, at points of its footprint.
-    spacing, edge_spacing : ndarray of float64, shape (num_tubes,)
-        Largest distance of the probes, and size down to which straddling tubes are halved [m].
+    spacings : Spacings
+        How finely each tube is probed and halved; where there are bodies near, by `rows`.
     settings : SbrSettings
         Its `bisections`, `corner_share` and `max_rays`.
 
@@ -56,9 +55,9 @@ def refine(
     corners, rows, labels
         Pieces that together cover the tubes.
     """
-    work = _Refinement(probe, settings)
+    work = _Refinement(probe, spacings, settings)
     pools = _Pools(settings.max_rays)
-    pools.put(0, work.waiting(corners, rows, spacing, edge_spacing))
+    pools.put(0, work.waiting(corners, rows, spacings.wide, spacings.fine))
     while pools:
         number, tubes = pools.take()
         if number == _CUT:
@@ -72,12 +71,10 @@ def refine(
         pools.put(number + 1, work.halved(again))
 
 
-def refined(
-    corners: Array, rows: Index, probe: Probe, spacing: Array, edge_spacing: Array, settings: SbrSettings
-) -> Pieces:
+def refined(corners: Array, rows: Index, probe: Probe, spacings: Spacings, settings: SbrSettings) -> Pieces:
     """Return all pieces of :func:`refine` at once."""
     nothing = corners[:0], rows[:0], np.zeros(0, dtype=np.int64)
-    pieces = [nothing, *refine(corners, rows, probe, spacing, edge_spacing, settings)]
+    pieces = [nothing, *refine(corners, rows, probe, spacings, settings)]
     return tuple(np.concatenate(columns) for columns in zip(*pieces, strict=True))  # type: ignore[return-value]
 
 
@@ -170,6 +167,7 @@ class _Refinement:
     """What is done with tubes that wait."""
 
     probe: Probe
+    spacings: Spacings
     settings: SbrSettings
 
     def waiting(self, tri: Array, row: Index, wide: Array, fine: Array) -> _Waiting:
@@ -181,7 +179,10 @@ class _Refinement:
 
     def halved(self, tubes: _Waiting) -> _Waiting:
         """Cut tubes in two across their longest side."""
-        return self.waiting(halved(tubes.tri), np.tile(tubes.row, 2), np.tile(tubes.wide, 2), np.tile(tubes.fine, 2))
+        tri, row = halved(tubes.tri), np.tile(tubes.row, 2)
+        return self.waiting(
+            tri, row, *self.spacings.of_pieces(tri, row, np.tile(tubes.wide, 2), np.tile(tubes.fine, 2))
+        )
 
     def probed(self, tubes: _Waiting) -> tuple[list[Pieces], _Waiting, _Waiting]:
         """Return the pieces that are settled, the tubes to halve, and those to cut along an edge."""

@@ -18,6 +18,7 @@ from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from scarl_sionna.engine.types import DeviceArray
 
 from .probes import CentralRays, Probe
+from .spacings import Spacings
 from .together import Question
 from .tube_shape import COUNTS, OFFSETS, TOO_LONG, layouts, sides_and_height
 
@@ -83,8 +84,8 @@ class ComingBack(Question):
         Footprints [m].
     source, lift : ndarray of float64, shape (num_tubes, 3)
         Where the reflected rays seem to come from [m, world], and the unit normal on the side on which they run.
-    spacing : ndarray of float64, shape (num_tubes,)
-        Largest distance of the rays by which tubes are cut [m]; these lie `FINER` times as close.
+    spacings : Spacings
+        Those by which tubes are cut; these rays lie `FINER` times as close as the phase asks for.
     bounces : int
     """
 
@@ -93,7 +94,7 @@ class ComingBack(Question):
     corners: Array
     source: Array
     lift: Array
-    spacing: Array
+    spacings: Spacings
     bounces: int
 
     def __len__(self) -> int:
@@ -108,12 +109,12 @@ class ComingBack(Question):
     @classmethod
     def answered(cls, questions: Sequence[ComingBack]) -> list[Mask]:
         """Return which tubes come back, of each question."""
-        corners, source, lift, spacing = (
-            np.concatenate([getattr(one, name) for one in questions])
-            for name in ("corners", "source", "lift", "spacing")
+        corners, source, lift = (
+            np.concatenate([getattr(one, name) for one in questions]) for name in ("corners", "source", "lift")
         )
+        spacing = np.concatenate([np.minimum(one.spacings.wide, one.spacings.plain / FINER) for one in questions])
         longest, height = sides_and_height(corners)
-        layout = layouts(longest, height, spacing / FINER, np.zeros(len(corners)))
+        layout = layouts(longest, height, spacing, np.zeros(len(corners)))
         found = layout == TOO_LONG  # their parts are asked, once they are cut: followed as they are
         short = np.flatnonzero(~found)
         ends = np.cumsum([len(one) for one in questions])
