@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.harness import machine
 from benchmarks.street_scenes import problem
-from benchmarks.whole_streets import FINEST, RADAR, name_of, by_plan, echoes, reference, widest_plan
+from benchmarks.whole_streets import FINEST, RADAR, by_plan, echoes, name_of, reference, widest_plan
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO, ErrorEstimate
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
 from scarl_sionna.radar.channel.compose.expected_error import expected_errors, levels_db, reverse_doubts

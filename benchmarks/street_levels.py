@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.harness import machine, write_block
 from benchmarks.street_scenes import problem
-from benchmarks.whole_streets import FINEST, PLAIN, name_of, by_plan, echoes, reference, widest_plan
+from benchmarks.whole_streets import FINEST, PLAIN, by_plan, echoes, name_of, reference, widest_plan
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
