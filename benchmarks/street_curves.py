@@ -118,7 +118,7 @@ def report(lines: list[dict[str, Any]]) -> str:
     which = " ".join(f"{line['seed']}:{line['reach']:g}" for line in lines)
     knobs = [(name, knob) for name, curve in lines[0]["curves"].items() for knob in curve]
     text = [
-        "![Error against CPU time, six places](figures/accuracy_places.webp)",
+        "![Error against CPU time by place](figures/accuracy_places.webp)",
         "",
         f"`python benchmarks/street_curves.py {which}`, {lines[-1]['machine']}. Each cell: error that 90 % of the "
         "objects keep [dB], CPU [s]; of `auto` also its time over that of the cheapest setting of others that is as "

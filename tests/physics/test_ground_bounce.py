@@ -41,7 +41,7 @@ def test_curved_faces_are_integrated_finely_enough_at_the_level_of_3_db(tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("tolerance", "most"), [(1.0, 0.35), (0.3, 0.3)])
+@pytest.mark.parametrize(("tolerance", "most"), [(1.0, 0.5), (0.3, 0.3)])
 def test_two_ray_fading_of_a_post_is_that_of_image_theory(tmp_path, tolerance, most) -> None:
     errors = []
     for distance in problem.DISTANCES:
@@ -59,6 +59,6 @@ def test_two_ray_fading_of_a_car_is_that_of_image_theory(tmp_path) -> None:
         distance = float(problem.DISTANCES[number])
         state, alone = problem.states("car", distance, tmp_path / f"{number}")
         exact, free = problem.by_image_theory("car", distance, alone)
-        found = problem.by_auto(state, 0.3)  # at 1 dB the round body is up to 0.7 dB off, docs/accuracy.md
+        found = problem.by_auto(state, 0.3)  # at 1 dB the round body is up to 1.0 dB off, docs/accuracy.md
         assert found["road"]
         assert problem.error_db(found["power"], exact, free) < 0.5
