@@ -169,10 +169,10 @@ def _tree(leaves: NarrowBodies, sizes: Index) -> NarrowBodies:
         width[at] = np.minimum.reduceat(leaves.width[root], first)
         along = places[np.arange(len(node)), (high - low).argmax(axis=1)[node]]
         order[run] = order[run][np.lexsort((along, node))]
-        held = np.cumsum(sizes[order[run]])
-        behind[at] = at + number - 1 + held[first + number - 1] - held[first] + sizes[order[begin]]
+        held = np.concatenate([[0], np.cumsum(sizes[order[run]])])
+        behind[at] = at + number - 1 + held[first + number] - held[first]
         half = number // 2
-        middle = at + half + held[first + half - 1] - held[first] + sizes[order[begin]]
+        middle = at + half + held[first + half] - held[first]
         begin, number, at = (
             np.concatenate(pair) for pair in ((begin, begin + half), (half, number - half), (at + 1, middle))
         )
