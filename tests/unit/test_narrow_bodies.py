@@ -82,14 +82,16 @@ def test_pieces_of_a_footprint_are_probed_finely_only_before_the_bar() -> None:
     with device("radio") as on:
         spacings = Spacings.beside(NearBodies(on, bar, True, np.zeros((1, 3)), one, 0.5 * one, one / 12.0), whole)
         halves = halved(whole)
-        rows, parent = np.zeros(2, dtype=np.int64), (np.tile(spacings.wide, 2), np.tile(spacings.fine, 2))
-        wide, fine = spacings.of_pieces(halves, rows, *parent)
-        again = spacings.of_pieces(halves, rows, wide, fine)
+        rows = np.zeros(2, dtype=np.int64)
+        wide = spacings.of_pieces(halves, rows, np.tile(spacings.wide, 2))
+        again = spacings.of_pieces(halves, rows, wide)
     left = halves.mean(axis=1)[:, 1].argmin()
-    assert spacings.wide[0] == pytest.approx(1.0 / 12.0) == spacings.fine[0]  # 0.7 * 0.03 * 20 / 15 is less
-    assert wide[left] == fine[left] == pytest.approx(1.0 / 12.0)
-    assert (wide[1 - left], fine[1 - left]) == (1.0, 0.5)
-    assert np.array_equal(again, (wide, fine))
+    assert spacings.wide[0] == pytest.approx(1.0 / 12.0)  # 0.7 * 0.03 * 20 / 15 is less
+    assert wide[left] == pytest.approx(1.0 / 12.0)
+    assert wide[1 - left] == 1.0
+    assert np.array_equal(spacings.are_near(rows, wide), [left])
+    assert np.array_equal(again, wide)
+    assert spacings.fine == 0.5
     assert spacings.plain == one
 
 

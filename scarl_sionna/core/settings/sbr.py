@@ -146,6 +146,13 @@ class SbrSettings(Spec):
         "sheet from which a tube comes (faces that go on without an edge), but not below 1 and 0.25 wavelengths: so a "
         "small corner is cut as finely far away as near by (docs/sbr.md)",
     )
+    narrow_share: float = Field(
+        1.0 / 12.0,
+        gt=0.0,
+        le=1.0,
+        description="scene: rays beside narrow bodies, such as posts, stand as close as these are wide, but not closer "
+        "than this share of their distance elsewhere; 1: bodies between the rays are not looked for (docs/sbr.md)",
+    )
     crease_angle_deg: Degrees = Field(
         35.0,
         ge=0.0,

@@ -29,7 +29,7 @@ from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 from .faces.panes import DARK, MOST_PANES, Panes
 from .patches import PatchSize, split, too_many_patches
 from .tubes.cutting import Cut, Landing, Seen, cut_at_ends
-from .tubes.narrow import MOST_FINER, NarrowBodies
+from .tubes.narrow import NarrowBodies
 from .tubes.probes import SAME_DISTANCE
 from .tubes.returning import ComingBack, Return
 from .tubes.screens import FieldOfView, Screen, Window
@@ -401,9 +401,9 @@ class Tracer:
         sheet = self.sheet[tubes.face[:, -1]]
         wide, fine = self.settings.spacings(wavelength, self.size.length(distance), sheet)
         phase = Spacings(np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine))
-        if self.narrow is None:
+        if self.narrow is None or self.settings.narrow_share == 1.0:
             return phase
-        source, least = np.broadcast_to(source, ray.shape), np.full(len(ray), wide / MOST_FINER)
+        source, least = np.broadcast_to(source, ray.shape), np.full(len(ray), self.settings.narrow_share * wide)
         near = NearBodies(self.rays, self.narrow, is_way_in, source, phase.wide, phase.fine, least)
         return Spacings.beside(near, tubes.corners)
 

@@ -25,8 +25,6 @@ Index = npt.NDArray[np.int64]
 
 SHARE = 0.7
 """Distance of probes as a part of a body's width: a square of this side has one at least, however it is turned."""
-MOST_FINER = 12.0
-"""Probes stand closer for a body by this factor at most, so that a bolt costs no more than it can hide."""
 SLACK = 1.001
 """A ball around others is farther out than its radius by this factor at most: a guard against rounding."""
 MOST_PIECES = 128

@@ -23,13 +23,21 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 
 from .probes import Probe
 from .spacings import Spacings
-from .tube_shape import COUNTS, OFFSETS, TOO_LONG, cut_off, halved, layouts, sides_and_height
+from .tube_shape import COUNTS, OFFSETS, TOO_LONG, WEIGHTS, cut_off, halved, layouts, sides_and_height
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 Pieces: TypeAlias = "tuple[Array, Index, Index]"
 """Corners, rows and labels."""
 
+CLOSER = 4
+"""Segments along the sides of a tube that is cut beside a narrow body: probes half as far apart as it was probed by."""
+ON_CUT = 0.1
+"""Probes nearer to a cut than this part of their distance may have either label: its place is found by rays."""
+BESIDE = 2.0
+"""Beside a narrow body tubes are halved at edges down to this many distances of their probes before they are cut.
+
+One cut through a larger one does not follow both edges of a bar (docs/sbr.md, narrow bodies)."""
 _CUT = 1 << 20
 """Pool of the tubes that are cut along an edge: the last one to be worked on."""
 
@@ -173,16 +181,13 @@ class _Refinement:
     def waiting(self, tri: Array, row: Index, wide: Array, fine: Array) -> _Waiting:
         """Return tubes with their layout of probes, `TOO_LONG` for one that is halved before it is probed."""
         longest, height = sides_and_height(tri)
-        return _Waiting(
-            tri, row, wide, fine, longest, layouts(longest, height, wide, self.settings.corner_share * fine)
-        )
+        return _Waiting(tri, row, wide, fine, longest, layouts(longest, height, wide, self._corner_size(wide, fine)))
 
     def halved(self, tubes: _Waiting) -> _Waiting:
         """Cut tubes in two across their longest side."""
         tri, row = halved(tubes.tri), np.tile(tubes.row, 2)
-        return self.waiting(
-            tri, row, *self.spacings.of_pieces(tri, row, np.tile(tubes.wide, 2), np.tile(tubes.fine, 2))
-        )
+        wide = self.spacings.of_pieces(tri, row, np.tile(tubes.wide, 2))
+        return self.waiting(tri, row, wide, np.tile(tubes.fine, 2))
 
     def probed(self, tubes: _Waiting) -> tuple[list[Pieces], _Waiting, _Waiting]:
         """Return the pieces that are settled, the tubes to halve, and those to cut along an edge."""
@@ -197,7 +202,7 @@ class _Refinement:
         same = np.minimum.reduceat(labels, start) == np.maximum.reduceat(labels, start)
         pieces = [(probed.tri[same], probed.row[same], labels[start[same]])] if same.any() else []
         uneven = np.flatnonzero(~same)
-        fine = probed.longest[uneven] <= probed.fine[uneven]
+        fine = probed.longest[uneven] <= self._edge_size(probed.take(uneven))
         small, halve = uneven[fine], uneven[~fine]
         at_corner = labels[start[small, None] + np.arange(3)]
         equal = at_corner == at_corner[:, [1, 2, 0]]  # corner i against i + 1
@@ -212,23 +217,68 @@ class _Refinement:
         odd = (equal[two].argmax(axis=1) + 2) % 3
         return pieces, tubes.take(again), probed.to_cut(small[two], at_corner[two], odd)
 
+    def _edge_size(self, tubes: _Waiting) -> Array:
+        """Return the size down to which tubes are halved before they are cut along an edge [m]."""
+        near = self.spacings.are_near(tubes.row, tubes.wide)
+        fine = tubes.fine.copy()
+        fine[near] = np.where(np.isfinite(fine[near]), np.minimum(fine[near], BESIDE * tubes.wide[near]), np.inf)
+        return fine
+
+    def _corner_size(self, wide: Array, fine: Array) -> Array:
+        """Return the size down to which tubes are halved in which more than two things meet [m].
+
+        Beside a narrow body that is no more than the distance of the probes; what is not cut at edges has no size.
+        """
+        size = self.settings.corner_share * fine
+        return np.where(np.isfinite(size), np.minimum(size, wide), size)
+
     def _above_corner_size(self, tubes: _Waiting) -> npt.NDArray[np.bool_]:
-        return np.asarray(tubes.longest > self.settings.corner_share * tubes.fine)
+        return np.asarray(tubes.longest > self._corner_size(tubes.wide, tubes.fine))
 
     def cut(self, tubes: _Waiting) -> tuple[list[Pieces], _Waiting]:
         """Cut tubes one corner of which (`odd`) has another label than the other two.
 
-        A cut is clean where beyond it the other two corners' label begins at once; the second result are the tubes
-        where it does not, which are halved once more.
+        A cut is clean where beyond it the other two corners' label begins at once, and where beside a narrow body all
+        probes have the labels of the pieces in which they lie; the second result are the tubes where it is not, which
+        are halved once more.
         """
         assert tubes.label is not None and tubes.odd is not None and self.settings.bisections is not None
         order = (tubes.odd[:, None] + np.arange(3)) % 3
         pick = np.arange(len(tubes))[:, None]
         tri, label = tubes.tri[pick, order], tubes.label[pick, order]
         share, beyond = self.probe.border(tri, tubes.row, label, self.settings.bisections)
-        kept = row_all(beyond == label[:, 1:]) | ~self._above_corner_size(tubes)
+        clean = np.flatnonzero(row_all(beyond == label[:, 1:]))
+        kept = ~self._above_corner_size(tubes)
+        kept[clean[self._fits(tubes.take(clean), tri[clean], label[clean], share[clean])]] = True
         border = tri[kept, :1] + share[kept, :, None] * (tri[kept, 1:] - tri[kept, :1])
         row, label = tubes.row[kept], label[kept]
         tip, near, far = cut_off(tri[kept], border)
         pieces = [(tip, row, label[:, 0]), (near, row, label[:, 1]), (far, row, label[:, 1])]
         return pieces if len(row) else [], tubes.without_cut(np.flatnonzero(~kept))
+
+    def _fits(self, tubes: _Waiting, tri: Array, label: Index, share: Array) -> npt.NDArray[np.bool_]:
+        """Return which cuts explain all probes: beside a narrow body a bar may lie across, which one cut is not.
+
+        `tri` and `label` begin at the corner that is cut off at these shares of its sides.
+        """
+        fits = np.ones(len(tubes), dtype=np.bool_)
+        near = self.spacings.are_near(tubes.row, tubes.wide)
+        closer = np.full(len(near), CLOSER)
+        count, first = COUNTS[closer], OFFSETS[closer]
+        found = self.probe.within(tri[near], tubes.row[near], count, first)
+        of_probe = np.repeat(np.arange(len(near)), count)
+        node = np.arange(len(of_probe)) + np.repeat(first - (np.cumsum(count) - count), count)
+        beyond = (WEIGHTS[node, 1:] / share[near[of_probe]]).sum(axis=1) - 1.0  # -1 at the corner, 0 on the cut
+        wanted = label[near[of_probe], (beyond > 0.0).astype(np.int64)]
+        slack = ON_CUT * tubes.wide[near] / _heights(tri[near], share[near])
+        fits[near[of_probe[(found != wanted) & (np.abs(beyond) > slack[of_probe])]]] = False
+        return fits
+
+
+def _heights(tri: Array, share: Array) -> Array:
+    """Return how far corners 0 are from cuts at these shares of their sides [m]."""
+    one, two = np.moveaxis(share[:, :, None] * (tri[:, 1:] - tri[:, :1]), 1, 0)
+    across = two - one
+    length = np.einsum("ni,ni->n", across, across)
+    foot = one - (np.einsum("ni,ni->n", one, across) / np.maximum(length, 1e-300))[:, None] * across
+    return np.sqrt(np.maximum(np.einsum("ni,ni->n", foot, foot), 1e-300))

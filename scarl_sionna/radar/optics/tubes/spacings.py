@@ -37,7 +37,7 @@ class Spacings:
     @classmethod
     def beside(cls, near: NearBodies, corners: Array) -> Spacings:
         """Return the spacings of footprints, `corners` (n, 3, 3) [m], beside the bodies of the same rows."""
-        return cls(*near.spacings(corners, np.arange(len(corners))), near)
+        return cls(near.spacings(corners, np.arange(len(corners))), near.fine, near)
 
     @property
     def plain(self) -> Array:
@@ -58,18 +58,23 @@ class Spacings:
         near = [one.near for one in parts if one.near is not None]
         return cls(wide, fine, NearBodies.joined(near) if near else None)
 
-    def of_pieces(self, corners: Array, rows: Index, wide: Array, fine: Array) -> tuple[Array, Array]:
-        """Return `wide` and `fine` of pieces, (m, 3, 3), of the footprints `rows`, which had those of the whole.
+    def of_pieces(self, corners: Array, rows: Index, wide: Array) -> Array:
+        """Return `wide` of pieces, (m, 3, 3), of the footprints `rows`, which had that of the whole.
 
-        A piece that no narrow body can meet any more has the spacings that it would have without.
+        A piece that no narrow body can meet any more has the distance that it would have without.
         """
+        some = self.are_near(rows, wide)
+        if self.near is None or not len(some):
+            return wide
+        found = wide.copy()
+        found[some] = self.near.spacings(corners[some], rows[some])
+        return found
+
+    def are_near(self, rows: Index, wide: Array) -> Index:
+        """Return which pieces of the footprints `rows`, probed as finely as `wide`, may meet a narrow body."""
         if self.near is None:
-            return wide, fine
-        some = np.flatnonzero(wide < self.near.wide[rows])
-        if len(some):
-            wide, fine = wide.copy(), fine.copy()
-            wide[some], fine[some] = self.near.spacings(corners[some], rows[some])
-        return wide, fine
+            return np.zeros(0, dtype=np.int64)
+        return np.flatnonzero(wide < self.near.wide[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +90,7 @@ class NearBodies:
     source : ndarray of float64, shape (n, 3)
         Where the rays come from [m].
     wide, fine : ndarray of float64, shape (n,)
-        Spacings without bodies [m]; a footprint whose `fine` is infinite is not cut along edges beside bodies either.
+        Distance of the probes without bodies, and the size down to which footprints are halved at edges [m].
     least : ndarray of float64, shape (n,)
         No body makes the distance of the probes less than this [m].
     """
@@ -98,14 +103,11 @@ class NearBodies:
     fine: Array
     least: Array
 
-    def spacings(self, corners: Array, rows: Index) -> tuple[Array, Array]:
-        """Return the two spacings of pieces, `corners` (m, 3, 3) [m], of the footprints `rows`."""
-        wide, fine = self.wide[rows], self.fine[rows]
+    def spacings(self, corners: Array, rows: Index) -> Array:
+        """Return the distance of the probes of pieces, `corners` (m, 3, 3) [m], of the footprints `rows`."""
+        wide = self.wide[rows]
         found = self.bodies.spacing(self.on, corners, self.source[rows], wide, self.is_way_in)
-        finer = np.maximum(found, self.least[rows])
-        # a larger piece may have a bar across, which one cut does not cut out
-        is_cut = (found < wide) & np.isfinite(fine)
-        return np.where(found < wide, finer, wide), np.where(is_cut, np.minimum(fine, finer), fine)
+        return np.where(found < wide, np.maximum(found, self.least[rows]), wide)
 
     def take(self, rows: Index) -> NearBodies:
         """Return the rows of some footprints."""
