@@ -49,12 +49,11 @@ def test_a_post_is_found_in_a_wall_by_coarse_tubes(tmp_path, width: float, place
     assert seen_in_wall(state, COARSE.with_(edge_share=0.03)) == pytest.approx(wanted, abs=0.5)
 
 
-def test_without_its_balls_it_is_missed_or_found_in_part(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(narrow.NarrowBodies, "spacing", lambda self, on, corners, source, wide, is_way_in: wide)
+def test_without_its_balls_it_is_missed_or_found_in_part(tmp_path) -> None:
     errors = []
     for number, place in enumerate((-0.31, 0.0, 0.47)):
         state = scene(tmp_path / str(number), 0.04, place)
-        knobs = COARSE.with_(edge_share=0.03)
+        knobs = COARSE.with_(edge_share=0.03, narrow_share=1.0)
         errors.append(seen_in_wall(state, knobs) - seen_in_wall(state, knobs.with_(ray_spacing=5.0)))
     assert np.abs(errors).max() > 1.0, errors
 
@@ -83,12 +82,15 @@ def test_the_tree_of_balls_gives_what_all_balls_give(seed: int, num_balls: int) 
     balls = narrow.NarrowBodies.of_parts([(part, ss.Pose()) for part in parts])
     corners = rng.uniform(-20.0, 20.0, (3000, 1, 3)) + rng.normal(0.0, 0.3, (3000, 3, 3))
     source, wide = rng.uniform(-30.0, 30.0, (3000, 3)), rng.choice([0.05, 0.4, np.inf], 3000)
+    nothing = np.zeros(3000)
     for is_way_in in (True, False):
         with device() as on:
-            found = balls.spacing(on, corners, source, wide, is_way_in)
-            from_one = balls.spacing(on, corners, source[0], wide, is_way_in)
+            found = balls.spacing(on, corners, source, (wide, nothing), is_way_in)
+            from_one = balls.spacing(on, corners, source[0], (wide, nothing), is_way_in)
+            enough = np.maximum(balls.spacing(on, corners, source, (wide, nothing + 0.03), is_way_in), 0.03)
         assert found == pytest.approx(of_all_balls(balls, corners, source, wide, is_way_in), rel=1e-12)
         assert from_one == pytest.approx(of_all_balls(balls, corners, source[:1], wide, is_way_in), rel=1e-12)
+        assert np.array_equal(enough, np.maximum(found, 0.03))
         assert num_balls < 3 or (found < wide).any()
 
 

@@ -49,10 +49,16 @@ def test_shadows_of_bars_of_one_mesh(tmp_path: Path, turn_deg: float) -> None:
         assert _power(state, coarse) == pytest.approx(fine, abs=0.4), max_phase
 
 
-def test_bars_between_the_rays_are_not_looked_for_where_none_asks(tmp_path: Path) -> None:
-    """With `narrow_share=1`, as at the level of 6 dB, that door is 1 dB off and more: what the knob leaves out."""
+@pytest.mark.parametrize("knob", [{"narrow_share": 1.0}, {"narrow_shadows": False}])
+def test_bars_between_the_rays_are_not_looked_for_where_none_asks(tmp_path: Path, knob: dict[str, object]) -> None:
+    """That door is 1 dB off and more then, as at the level of 6 dB: what the knobs leave out."""
     state = _door_behind_bars(tmp_path, 30.0)
     fine = _power(state, KNOBS.with_(ray_spacing=2.5, edge_spacing=2.5))
-    coarse = KNOBS.with_(edge_share=0.25, narrow_share=1.0)
-    assert abs(_power(state, coarse) - fine) > 1.0
-    assert sbr_settings(DEFAULT_AUTO.levels[0]).narrow_share == 1.0 > sbr_settings(DEFAULT_AUTO.levels[1]).narrow_share
+    coarse = KNOBS.with_(edge_share=0.25)
+    assert abs(_power(state, coarse.with_(**knob)) - fine) > 1.0
+
+
+def test_only_the_coarsest_level_leaves_narrow_shadows_out() -> None:
+    knobs = [sbr_settings(level) for level in DEFAULT_AUTO.levels]
+    assert [one.narrow_shadows for one in knobs] == [False, True, True, True]
+    assert [one.narrow_share for one in knobs] == [1.0 / 3.0, *[1.0 / 12.0] * 3]

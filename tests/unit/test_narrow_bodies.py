@@ -27,7 +27,7 @@ def _spacing(bodies: NarrowBodies, x: float, y: float, is_way_in: bool) -> float
     footprint = np.array([[[x, y, 0.0], [x, y + 0.2, 0.0], [x, y, 0.2]]])
     source = np.zeros(3) if is_way_in else np.array([2.0 * x, 0.0, 0.0])
     with device("radio") as on:
-        return float(bodies.spacing(on, footprint, source, np.ones(1), is_way_in)[0])
+        return float(bodies.spacing(on, footprint, source, (np.ones(1), np.zeros(1)), is_way_in)[0])
 
 
 def test_what_hangs_together_is_a_body() -> None:

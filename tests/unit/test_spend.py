@@ -112,3 +112,23 @@ def test_a_level_that_computes_road_users_comes_before_one_that_is_better_on_ave
         view = SimpleNamespace(rules=rules, settings=SimpleNamespace(accuracy=Accuracy(tube_budget=budget)))
         assert choose._level_to_take(view, own, [], (fine, rough)) is taken  # type: ignore[arg-type]
         assert own[0].over_budget == (budget == 90)
+
+
+def test_levels_count_by_their_expected_error_not_by_their_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reflection of 4 dB that the level of 3 dB cannot pay for is worse than that of 6 dB with it: 2.9 dB."""
+    own = objects(post_1=[(4.0, GROUND)], post_2=[(4.0, GROUND)])
+    for choice in own:
+        choice.item.expected_db, choice.item.is_coherent, choice.item.info.is_object = 30.0, True, True  # type: ignore[misc]
+    rules = AutoSettings()
+    rough, middle = rules.levels[:2]
+    prices = {rough.tolerance_db: 10, middle.tolerance_db: 100}
+    monkeypatch.setattr(choose, "num_tubes_of", lambda _, choice, level: prices[level.tolerance_db])
+    assert choose.computed_error(rough) == pytest.approx(2.92, abs=0.01)
+    assert choose.computed_error(middle) < choose.computed_error(rough)
+    for budget, change, taken in ((299, 4.0, rough), (299, 2.0, middle), (600, 4.0, middle)):
+        for choice in own:
+            choice.changes = [Change(change, 1.0, GROUND)]  # type: ignore[arg-type]
+        view = SimpleNamespace(rules=rules, settings=SimpleNamespace(accuracy=Accuracy(tube_budget=budget)))
+        mirrors = [GROUND]
+        assert choose._level_to_take(view, own, mirrors, (middle, rough)) is taken  # type: ignore[arg-type]
+        assert all(choice.mirrors for choice in own) == (taken is rough or budget == 600)

@@ -27,6 +27,7 @@ class SbrLevel(Spec):
     edge_share: float = Field(gt=0.0, le=4.0, description="as in SbrSettings: a ratio")
     sheet_share: float = Field(0.15, gt=0.0, le=64.0, description="as in SbrSettings: a ratio")
     narrow_share: float = Field(1.0 / 12.0, gt=0.0, le=1.0, description="as in SbrSettings: a ratio")
+    narrow_shadows: bool = Field(True, description="as in SbrSettings")
     return_angle: Annotated[float, Unit("rad")] | None = Field(
         None, gt=0.0, le=math.pi, description="as in SbrSettings [rad]"
     )
@@ -178,7 +179,8 @@ class AutoSettings(Spec):
                 integration_phase=0.02,
                 edge_share=1.0,
                 return_angle=0.3,
-                narrow_share=1.0,
+                narrow_share=1.0 / 3.0,
+                narrow_shadows=False,
                 max_depth=5,
                 growth=25.0,
                 patch_error=0.4,

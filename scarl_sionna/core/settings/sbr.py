@@ -153,6 +153,11 @@ class SbrSettings(Spec):
         description="scene: rays beside narrow bodies, such as posts, stand as close as these are wide, but not closer "
         "than this share of their distance elsewhere; 1: bodies between the rays are not looked for (docs/sbr.md)",
     )
+    narrow_shadows: bool = Field(
+        True,
+        description="scene: whether narrow bodies between the rays are looked for as what hides, too, not only as what "
+        "reflected rays meet next (docs/sbr.md)",
+    )
     crease_angle_deg: Degrees = Field(
         35.0,
         ge=0.0,

@@ -401,7 +401,7 @@ class Tracer:
         sheet = self.sheet[tubes.face[:, -1]]
         wide, fine = self.settings.spacings(wavelength, self.size.length(distance), sheet)
         phase = Spacings(np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine))
-        if self.narrow is None or self.settings.narrow_share == 1.0:
+        if self.narrow is None or self.settings.narrow_share == 1.0 or (is_way_in and not self.settings.narrow_shadows):
             return phase
         source, least = np.broadcast_to(source, ray.shape), np.full(len(ray), self.settings.narrow_share * wide)
         near = NearBodies(self.rays, self.narrow, is_way_in, source, phase.wide, phase.fine, least)

@@ -261,14 +261,14 @@ def _level_to_take(view: View, own: list[Choice], mirrors: list[Mirror], levels:
         spend(own, cost, {mirror.number for mirror in mirrors}, budget)
         counted = [choice for choice in own if counts(choice, rules)]
         if not counted:
-            return level.tolerance_db, 0, 0.0
+            return computed_error(level), 0, 0.0
         typical = [_planned_error(choice, rules.errors.median * level.tolerance_db, rules) for choice in counted]
         users = sum(choice.over_budget and choice.item.info.actor is not None for choice in counted)
         return planned_error(counted, level, rules), users, float(np.mean(typical))
 
     best, least = levels[0], error(levels[0])
     for level in levels[1:]:
-        if least[0] <= levels[0].tolerance_db or level.tolerance_db >= least[0]:
+        if least[0] <= levels[0].tolerance_db or computed_error(level) >= least[0]:
             break
         if (found := error(level)) < least:
             best, least = level, found
@@ -284,8 +284,16 @@ def counts(choice: Choice, rules: AutoSettings) -> bool:
 
 def planned_error(counted: Sequence[Choice], level: SbrLevel, rules: AutoSettings) -> float:
     """Return the error that enough of some objects keep by what the budget pays for [dB], at least one object."""
-    errors = sorted(_planned_error(choice, level.tolerance_db, rules) for choice in counted)
+    errors = sorted(_planned_error(choice, computed_error(level), rules) for choice in counted)
     return errors[int(np.ceil(ENOUGH * len(errors))) - 1]
+
+
+def computed_error(level: SbrLevel) -> float:
+    """Return the expected error of an object that is computed at a level, by its patches [dB].
+
+    The level's tolerance would be two to five times as much: a finer level would be taken that leaves out more.
+    """
+    return float(20.0 * np.log10(1.0 + level.patch_error))
 
 
 def _planned_error(choice: Choice, computed_db: float, rules: AutoSettings) -> float:

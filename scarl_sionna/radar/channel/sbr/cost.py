@@ -149,6 +149,7 @@ def coarser(knobs: SbrSettings, level: SbrLevel) -> SbrSettings:
         edge_share=max(knobs.edge_share, level.edge_share),
         sheet_share=max(knobs.sheet_share, level.sheet_share),
         narrow_share=max(knobs.narrow_share, level.narrow_share),
+        narrow_shadows=knobs.narrow_shadows and level.narrow_shadows,
         max_turn=None if turn is None else max(turn, level.max_phase),
         return_angle=min(angles, default=None),
     )

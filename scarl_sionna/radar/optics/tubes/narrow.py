@@ -74,7 +74,7 @@ class NarrowBodies:
         sizes = np.array([len(part.radius) for part in placed], dtype=np.int64)
         return _tree(cls(*map(np.concatenate, columns)), sizes[sizes > 0])
 
-    def spacing(self, on: Device, corners: Array, source: Array, wide: Array, is_way_in: bool) -> Array:
+    def spacing(self, on: Device, corners: Array, source: Array, span: tuple[Array, Array], is_way_in: bool) -> Array:
         """Return the largest distance of the probes of tubes, so fine that each body that a tube may meet is probed.
 
         Parameters
@@ -84,8 +84,8 @@ class NarrowBodies:
             Footprints [m].
         source : ndarray of float64, shape (n, 3) or (3,)
             Where the rays come from [m].
-        wide : ndarray of float64, shape (n,)
-            Largest distance without bodies [m].
+        span : tuple of ndarray of float64, each of shape (n,)
+            Largest distance without bodies, and that below which nothing finer is looked for [m].
         is_way_in : bool
             Bodies between the source and the footprint, else those that the rays meet behind it: a reflected tube
             comes from an image behind its footprint.
@@ -94,6 +94,7 @@ class NarrowBodies:
         -------
         ndarray of float64, shape (n,)
         """
+        wide, least = span
         if not len(self.center) or not len(corners):
             return wide
         dr, mi = on.dr, on.mi
@@ -111,7 +112,7 @@ class NarrowBodies:
         centers, radii, widths = on.reals(self.center), on.reals(self.radius), on.reals(self.width)
         behind = on.index(self.behind)
         count = dr.opaque(mi.UInt32, len(self.behind))
-        limit = on.reals(wide)
+        limit, enough = on.reals(wide), on.reals(least)
 
         def step(number: DeviceArray, found: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
             radius, beyond = dr.gather(on.Real, radii, number), dr.gather(mi.UInt32, behind, number)
@@ -132,7 +133,9 @@ class NarrowBodies:
             return dr.select(is_ball | meets, number + 1, beyond), dr.select(is_ball & meets, wanted, found)
 
         state = (dr.zeros(mi.UInt32, len(corners)), limit)
-        _, found = dr.while_loop(state, lambda number, found: number < count, step, label="bodies near tubes")
+        _, found = dr.while_loop(
+            state, lambda number, found: (number < count) & (found > enough), step, label="bodies near tubes"
+        )
         with many_threads(len(corners)):
             return np.asarray(found.numpy(), dtype=np.float64)
 

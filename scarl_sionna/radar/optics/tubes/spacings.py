@@ -105,9 +105,9 @@ class NearBodies:
 
     def spacings(self, corners: Array, rows: Index) -> Array:
         """Return the distance of the probes of pieces, `corners` (m, 3, 3) [m], of the footprints `rows`."""
-        wide = self.wide[rows]
-        found = self.bodies.spacing(self.on, corners, self.source[rows], wide, self.is_way_in)
-        return np.where(found < wide, np.maximum(found, self.least[rows]), wide)
+        wide, least = self.wide[rows], self.least[rows]
+        found = self.bodies.spacing(self.on, corners, self.source[rows], (wide, least), self.is_way_in)
+        return np.where(found < wide, np.maximum(found, least), wide)
 
     def take(self, rows: Index) -> NearBodies:
         """Return the rows of some footprints."""
