@@ -30,14 +30,14 @@ Index = npt.NDArray[np.int64]
 Pieces: TypeAlias = "tuple[Array, Index, Index]"
 """Corners, rows and labels."""
 
-CLOSER = 4
-"""Segments along the sides of a tube that is cut beside a narrow body: probes half as far apart as it was probed by."""
-ON_CUT = 0.1
-"""Probes nearer to a cut than this part of their distance may have either label: its place is found by rays."""
 BESIDE = 2.0
 """Beside a narrow body tubes are halved at edges down to this many distances of their probes before they are cut.
 
-One cut through a larger one does not follow both edges of a bar (docs/sbr.md, narrow bodies)."""
+One cut through a larger one does not follow both edges of a bar (docs/sbr.md, where it breaks)."""
+CLOSER = int(2.0 * BESIDE)
+"""Segments along the sides of such a tube when it is probed once more, after the cut: half as far apart or closer."""
+ON_CUT = 0.1
+"""Probes nearer to a cut than this part of their distance may have either label: its place is found by rays."""
 _CUT = 1 << 20
 """Pool of the tubes that are cut along an edge: the last one to be worked on."""
 
