@@ -80,7 +80,8 @@ def test_pieces_of_a_footprint_are_probed_finely_only_before_the_bar() -> None:
     whole = np.array([[[20.0, -4.0, -0.1], [20.0, 4.0, -0.1], [20.0, 0.0, 0.2]]])
     one = np.ones(1)
     with device("radio") as on:
-        spacings = Spacings.beside(NearBodies(on, bar, True, np.zeros((1, 3)), one, 0.5 * one, one / 12.0), whole)
+        near = NearBodies(on, bar, True, np.zeros((1, 3)), one, one / 12.0)
+        spacings = Spacings.beside(near, whole, 0.5 * one)
         halves = halved(whole)
         rows = np.zeros(2, dtype=np.int64)
         wide = spacings.of_pieces(halves, rows, np.tile(spacings.wide, 2))

@@ -404,8 +404,8 @@ class Tracer:
         if self.narrow is None or self.settings.narrow_share == 1.0 or (is_way_in and not self.settings.narrow_shadows):
             return phase
         source, least = np.broadcast_to(source, ray.shape), np.full(len(ray), self.settings.narrow_share * wide)
-        near = NearBodies(self.rays, self.narrow, is_way_in, source, phase.wide, phase.fine, least)
-        return Spacings.beside(near, tubes.corners)
+        near = NearBodies(self.rays, self.narrow, is_way_in, source, phase.wide, least)
+        return Spacings.beside(near, tubes.corners, phase.fine)
 
     def _seen(
         self, tubes: ImageTubes, station: Viewpoint, place: tuple[int, int]

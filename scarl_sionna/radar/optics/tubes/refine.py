@@ -202,7 +202,7 @@ class _Refinement:
         same = np.minimum.reduceat(labels, start) == np.maximum.reduceat(labels, start)
         pieces = [(probed.tri[same], probed.row[same], labels[start[same]])] if same.any() else []
         uneven = np.flatnonzero(~same)
-        fine = probed.longest[uneven] <= self._edge_size(probed.take(uneven))
+        fine = probed.longest[uneven] <= self._edge_size(probed.row[uneven], probed.wide[uneven], probed.fine[uneven])
         small, halve = uneven[fine], uneven[~fine]
         at_corner = labels[start[small, None] + np.arange(3)]
         equal = at_corner == at_corner[:, [1, 2, 0]]  # corner i against i + 1
@@ -217,12 +217,13 @@ class _Refinement:
         odd = (equal[two].argmax(axis=1) + 2) % 3
         return pieces, tubes.take(again), probed.to_cut(small[two], at_corner[two], odd)
 
-    def _edge_size(self, tubes: _Waiting) -> Array:
+    def _edge_size(self, row: Index, wide: Array, fine: Array) -> Array:
         """Return the size down to which tubes are halved before they are cut along an edge [m]."""
-        near = self.spacings.are_near(tubes.row, tubes.wide)
-        fine = tubes.fine.copy()
-        fine[near] = np.where(np.isfinite(fine[near]), np.minimum(fine[near], BESIDE * tubes.wide[near]), np.inf)
-        return fine
+        size = fine.copy()
+        near = self.spacings.are_near(row, wide)
+        near = near[np.isfinite(fine[near])]  # the others are not cut at all
+        size[near] = np.minimum(fine[near], BESIDE * wide[near])
+        return size
 
     def _corner_size(self, wide: Array, fine: Array) -> Array:
         """Return the size down to which tubes are halved in which more than two things meet [m].
@@ -263,15 +264,13 @@ class _Refinement:
         """
         fits = np.ones(len(tubes), dtype=np.bool_)
         near = self.spacings.are_near(tubes.row, tubes.wide)
-        closer = np.full(len(near), CLOSER)
-        count, first = COUNTS[closer], OFFSETS[closer]
-        found = self.probe.within(tri[near], tubes.row[near], count, first)
-        of_probe = np.repeat(np.arange(len(near)), count)
-        node = np.arange(len(of_probe)) + np.repeat(first - (np.cumsum(count) - count), count)
-        beyond = (WEIGHTS[node, 1:] / share[near[of_probe]]).sum(axis=1) - 1.0  # -1 at the corner, 0 on the cut
-        wanted = label[near[of_probe], (beyond > 0.0).astype(np.int64)]
+        count, first = np.full_like(near, COUNTS[CLOSER]), np.full_like(near, OFFSETS[CLOSER])
+        found = self.probe.within(tri[near], tubes.row[near], count, first).reshape(len(near), COUNTS[CLOSER])
+        nodes = WEIGHTS[OFFSETS[CLOSER] :][: COUNTS[CLOSER], 1:]
+        beyond = (nodes / share[near, None]).sum(axis=2) - 1.0  # -1 at the corner, 0 on the cut
+        wanted = np.where(beyond > 0.0, label[near, 1:2], label[near, :1])
         slack = ON_CUT * tubes.wide[near] / _heights(tri[near], share[near])
-        fits[near[of_probe[(found != wanted) & (np.abs(beyond) > slack[of_probe])]]] = False
+        fits[near] = ((found == wanted) | (np.abs(beyond) <= slack[:, None])).all(axis=1)
         return fits
 
 

@@ -35,9 +35,9 @@ class Spacings:
     near: NearBodies | None = None
 
     @classmethod
-    def beside(cls, near: NearBodies, corners: Array) -> Spacings:
+    def beside(cls, near: NearBodies, corners: Array, fine: Array) -> Spacings:
         """Return the spacings of footprints, `corners` (n, 3, 3) [m], beside the bodies of the same rows."""
-        return cls(near.spacings(corners, np.arange(len(corners))), near.fine, near)
+        return cls(near.spacings(corners, np.arange(len(corners))), fine, near)
 
     @property
     def plain(self) -> Array:
@@ -89,8 +89,8 @@ class NearBodies:
         Whether they stand between the sources and the footprints, or behind these: see :meth:`NarrowBodies.spacing`.
     source : ndarray of float64, shape (n, 3)
         Where the rays come from [m].
-    wide, fine : ndarray of float64, shape (n,)
-        Distance of the probes without bodies, and the size down to which footprints are halved at edges [m].
+    wide : ndarray of float64, shape (n,)
+        Largest distance of the probes without bodies [m].
     least : ndarray of float64, shape (n,)
         No body makes the distance of the probes less than this [m].
     """
@@ -100,7 +100,6 @@ class NearBodies:
     is_way_in: bool
     source: Array
     wide: Array
-    fine: Array
     least: Array
 
     def spacings(self, corners: Array, rows: Index) -> Array:
@@ -121,7 +120,7 @@ class NearBodies:
 
     @property
     def _columns(self) -> tuple[Array, ...]:
-        return self.source, self.wide, self.fine, self.least
+        return self.source, self.wide, self.least
 
     def _of_columns(self, *columns: Array) -> NearBodies:
         return NearBodies(self.on, self.bodies, self.is_way_in, *columns)
