@@ -18,7 +18,8 @@ from scarl_sionna.engine.rays.face_rays import MISS
 from scarl_sionna.radar.channel.sbr.bodies import Bodies
 from scarl_sionna.radar.optics.faces.panes import MOST_PANES
 from scarl_sionna.radar.optics.near_field import NearField, radiated
-from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Viewpoint
+from scarl_sionna.radar.optics.spherical_waves import ImageTubes
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.scene.materials.fresnel import reflection
 from scarl_sionna.scene.materials.rough import height_loss
 from tests.kernels import kernels

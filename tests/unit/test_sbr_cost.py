@@ -149,7 +149,7 @@ def test_more_rows_than_expected_stop_a_solve(state, monkeypatch) -> None:
         solve_paths(state, RADAR, POSE, "sbr", memory_budget=0.6)
 
 
-def test_a_plan_by_hand_counts_pairs_of_ways_over_mirrors(state) -> None:
+def test_a_plan_by_hand_counts_ways_over_mirrors_and_patches_of_their_pairs(state) -> None:
     knobs = SbrSettings(max_depth=1)
 
     def refused(**fields) -> dict[str, float]:
@@ -159,13 +159,12 @@ def test_a_plan_by_hand_counts_pairs_of_ways_over_mirrors(state) -> None:
         return error.value.cost
 
     straight, mirrored = refused(), refused(through_mirrors=True)
-    assert mirrored["tubes"] == pytest.approx(
-        3 * straight["tubes"], rel=1e-3
-    )  # straight, over the ground once and both ways
+    assert mirrored["tubes"] == pytest.approx(2 * straight["tubes"], rel=1e-3)  # straight and over the ground
+    assert mirrored["patches"] == pytest.approx(3 * straight["patches"], rel=1e-3)  # over it there, back, and both
 
 
 def test_no_work_is_refused_for_a_bound(state) -> None:
-    """What one way costs at most is within a budget that three ways at most are not: they are sampled first."""
+    """What one way costs at most is within a budget that two, in three pairs, are not: they are sampled first."""
     share = Share("sbr", ("kerb",), SbrSettings(max_depth=1), through_mirrors=True)
     plan = ChannelPlan((share,), ("ground",), echoes=False)
 
@@ -173,10 +172,10 @@ def test_no_work_is_refused_for_a_bound(state) -> None:
         return solve_paths(state, RADAR, POSE, "hybrid", plan=plan, **fields).diagnostics["estimate"]
 
     most = estimate(**UNLIMITED)
-    ways = SolveCost(tubes=most["tubes"] / 3.0, patches=most["patches"] / 3.0)
+    alone = SolveCost(tubes=most["tubes"] / 2.0, patches=most["patches"] / 3.0)
     assert most["sampled"] == 0
-    budget = ways.times(2.0).cpu_seconds
-    assert ways.cpu_seconds < budget < most["cpu_seconds"]
+    budget = alone.times(1.5, 2.0).cpu_seconds
+    assert alone.cpu_seconds < budget < most["cpu_seconds"]
     found = estimate(cpu_budget=budget, memory_budget=None)
     assert found["sampled"] == SAMPLES and found["cpu_seconds"] <= budget
 

@@ -35,24 +35,24 @@ def paid_for(own: list[Choice]) -> dict[str, tuple[int, list[int]]]:
 
 def test_road_users_come_first_and_straight() -> None:
     own = objects(car=[(10.0, GROUND)], post=[(2.0, GROUND)])
-    whole = spend(own, {0: 1000, 1: 10}, {0, 1}, budget=2999)  # the car's ground is two further pairs: 2,000 tubes
+    whole = spend(own, {0: 1000, 1: 10}, {0, 1}, budget=1999)  # the car's ground is one further way: 1,000 tubes
 
     assert not whole
     assert paid_for(own) == {"car": (1000, []), "post": (10, [0])}
     assert not any(choice.over_budget for choice in own)
     assert own[0].without is not None and own[0].without.change_db == 10.0
-    spend(own, {0: 1000, 1: 10}, {0, 1}, budget=1029)
+    spend(own, {0: 1000, 1: 10}, {0, 1}, budget=1019)
     assert [choice.over_budget for choice in own] == [False, False]
-    assert not own[1].mirrors  # straight, since the ground's two further pairs are more than is left
+    assert not own[1].mirrors  # straight, since the ground's further way is more than is left
 
 
 def test_of_the_others_as_many_as_possible_are_whole() -> None:
     own = objects(rail=[(10.0, GROUND)], sign=[(6.0, GROUND)], post=[(6.0, GROUND)])
     cost = {0: 1000, 1: 100, 2: 100}
-    spend(own, cost, {0}, budget=1599)
+    spend(own, cost, {0}, budget=1399)
     assert [choice.item.name for choice in own if not choice.over_budget] == ["sign", "post"]
     assert all(choice.mirrors for choice in own[1:])
-    spend(own, cost, {0}, budget=1600)  # now the rail, too, but straight
+    spend(own, cost, {0}, budget=1400)  # now the rail, too, but straight
     assert [len(choice.mirrors) for choice in own] == [0, 1, 1]
     assert not any(choice.over_budget for choice in own)
 
@@ -62,9 +62,9 @@ def test_reflections_are_bought_by_what_they_change_for_their_tubes() -> None:
     cost = {0: 1000, 1: 100, 2: 100}
     straight = sum(cost.values())
     for budget, over_ground in (
-        (straight + 200, ["car_2"]),
-        (straight + 2200, ["car_1", "car_2"]),  # 10 dB for 2,000 tubes before 0.6 dB for 200
-        (straight + 2400, ["car_1", "car_2", "car_3"]),
+        (straight + 100, ["car_2"]),
+        (straight + 1100, ["car_1", "car_2"]),  # 10 dB for 1,000 tubes before 0.6 dB for 100
+        (straight + 1200, ["car_1", "car_2", "car_3"]),
     ):
         whole = spend(own, cost, {0}, budget)
         assert [choice.item.name for choice in own if choice.mirrors] == over_ground
@@ -74,14 +74,14 @@ def test_reflections_are_bought_by_what_they_change_for_their_tubes() -> None:
 
 def test_the_largest_reflection_of_each_comes_before_the_second_of_any() -> None:
     own = objects(car_1=[(10.0, GROUND), (9.0, WALL)], car_2=[(0.6, GROUND)])
-    spend(own, {0: 10, 1: 100}, {0, 1}, budget=10 + 100 + 20 + 200 + 29)  # the second one is three further pairs
+    spend(own, {0: 10, 1: 100}, {0, 1}, budget=10 + 100 + 10 + 100 + 9)  # the second one is one further way
 
     assert paid_for(own) == {"car_1": (10, [0]), "car_2": (100, [0])}
 
 
 def test_what_alone_shows_an_object_is_worth_a_finite_number_of_decibels() -> None:
     own = objects(hidden_car=[(np.inf, GROUND)], car=[(30.0, GROUND)])
-    spend(own, {0: 1000, 1: 100}, {0}, budget=1100 + 1999)
+    spend(own, {0: 1000, 1: 100}, {0}, budget=1100 + 999)
 
     assert paid_for(own) == {"hidden_car": (1000, []), "car": (100, [0])}
 
@@ -125,10 +125,10 @@ def test_levels_count_by_their_expected_error_not_by_their_tolerance(monkeypatch
     monkeypatch.setattr(choose, "num_tubes_of", lambda _, choice, level: prices[level.tolerance_db])
     assert choose.computed_error(rough) == pytest.approx(2.92, abs=0.01)
     assert choose.computed_error(middle) < choose.computed_error(rough)
-    for budget, change, taken in ((299, 4.0, rough), (299, 2.0, middle), (600, 4.0, middle)):
+    for budget, change, taken in ((300, 4.0, rough), (300, 2.0, middle), (400, 4.0, middle)):
         for choice in own:
             choice.changes = [Change(change, 1.0, GROUND)]  # type: ignore[arg-type]
         view = SimpleNamespace(rules=rules, settings=SimpleNamespace(accuracy=Accuracy(tube_budget=budget)))
         mirrors = [GROUND]
         assert choose._level_to_take(view, own, mirrors, (middle, rough)) is taken  # type: ignore[arg-type]
-        assert all(choice.mirrors for choice in own) == (taken is rough or budget == 600)
+        assert all(choice.mirrors for choice in own) == (taken is rough or budget == 400)

@@ -20,8 +20,9 @@ from .faces.oblique import STEADY, Ends, edge_terms, is_oblique, steady_slope
 from .faces.panes import through_panes
 from .fields import Field, OnDevice, Wave, radiating_vector, reflected_field
 from .phase import spherical_wave_integral
-from .spherical_waves import ImageTubes, Viewpoint
+from .spherical_waves import ImageTubes
 from .surfaces import FaceSurfaces
+from .viewpoint import Viewpoint
 
 Array = npt.NDArray[np.float64]
 

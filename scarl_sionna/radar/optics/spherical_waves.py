@@ -19,10 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.arrays.rows import row_any, row_max
-from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sbr import SbrSettings
-from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 
@@ -32,11 +29,12 @@ from .tubes.cutting import Cut, Landing, Seen, cut_at_ends
 from .tubes.narrow import NarrowBodies
 from .tubes.probes import SAME_DISTANCE
 from .tubes.returning import ComingBack, Return
-from .tubes.screens import FieldOfView, Screen, Window
+from .tubes.screens import Screen
 from .tubes.spacings import NearBodies, Spacings
-from .tubes.together import Question, Tracing, together
-from .tubes.trace import GRAZING, Tubes, face_of_plane, landing, lands_ahead
+from .tubes.together import Branch, Question, Tracing, together
+from .tubes.trace import Tubes, face_of_plane, landing, lands_ahead
 from .tubes.tube_shape import middle
+from .viewpoint import Viewpoint
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -45,9 +43,6 @@ Mask = npt.NDArray[np.bool_]
 _COARSE = 16.0
 """Faces are first cut into pieces so many times as long as patches, so that a batch of them is no more than some
 patches. Bounds the memory, decides no accuracy."""
-WIDE_FACE = 0.5
-"""Faces that look wider than this [rad] are never sorted out before they are cut into patches, which are tested alone:
-decides the time, not the accuracy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,91 +77,6 @@ class ImageTubes(Tubes):
 
 
 @dataclass(frozen=True, eq=False)
-class Viewpoint:
-    """Where a transmitter or receiver stands, how it moves and what it looks at.
-
-    Attributes
-    ----------
-    pose : Pose
-        world_from_radar.
-    velocity : ndarray of float64, shape (3,)
-        [m/s, world].
-    azimuth_fov, elevation_fov : float
-        [rad].
-    window : Window, optional
-        Of a station that is an image: the plane of the mirror, through which it looks.
-    passing : ndarray of float64, shape (3,), optional
-        Of an image: its velocity as far as the size of patches goes [m/s]; `velocity` if left out.
-    axes : ndarray of float64, shape (3, 3), optional
-        Of an image: the mirrored axes of the radar, as columns, in which its field of view is meant; those of `pose` if
-        left out.
-    """
-
-    pose: Pose
-    velocity: Array
-    azimuth_fov: float
-    elevation_fov: float
-    window: Window | None = None
-    axes: Array | None = None
-    passing: Array | None = None
-
-    @property
-    def drift(self) -> Array:
-        """Velocity that counts for the size of patches, shape (3,) [m/s]."""
-        return self.velocity if self.passing is None else self.passing
-
-    @property
-    def _axes(self) -> Array:
-        return self.pose.rotation if self.axes is None else self.axes
-
-    @property
-    def view(self) -> FieldOfView:
-        """What it looks at."""
-        return FieldOfView(self._axes, self.azimuth_fov, self.elevation_fov)
-
-    @classmethod
-    def of(cls, radar: RadarSpec, pose: Pose, velocity: Array) -> Viewpoint:
-        """Return the station of a radar."""
-        return cls(pose, velocity, np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg))
-
-    def outside(self, points: Array) -> tuple[Array, Array, Array]:
-        """Return by how much points are outside of the view in azimuth and elevation [rad], and their distance [m]."""
-        local = (points - self.pose.position) @ self._axes
-        distance = np.sqrt(np.einsum("ij,ij->i", local, local))
-        azimuth = np.abs(np.arctan2(local[:, 1], local[:, 0])) - self.azimuth_fov / 2.0
-        sine = np.divide(local[:, 2], distance, out=np.zeros_like(distance), where=distance > 0.0)
-        elevation = np.abs(np.arcsin(np.clip(sine, -1.0, 1.0))) - self.elevation_fov / 2.0
-        return azimuth, elevation, distance
-
-    def sees(self, points: Array) -> Mask:
-        """Return whether points are in the field of view."""
-        local = (points - self.pose.position) @ self._axes
-        flat = local[:, 0] ** 2 + local[:, 1] ** 2
-        ahead = local[:, 0] >= np.cos(self.azimuth_fov / 2.0) * np.sqrt(flat)
-        return ahead & (np.abs(local[:, 2]) <= np.sin(self.elevation_fov / 2.0) * np.sqrt(flat + local[:, 2] ** 2))
-
-    def touches(self, corners: Array) -> Mask:
-        """Return whether a corner or the middle of triangles (n, 3, 3) is in the field of view, shape (n,)."""
-        points = np.concatenate([corners, middle(corners)[:, None]], axis=1)
-        return row_any(self.sees(points.reshape(-1, 3)).reshape(-1, 4))
-
-    def may_see(self, faces: FaceTable, rows: Index, reach: float) -> Mask:
-        """Return of which of some faces a part may be in the field of view and in reach, and that are not edge-on."""
-        corners, normal, offset = (
-            column[rows] for column in (faces.triangles.corners, faces.triangles.normal, faces.triangles.offset)
-        )
-        center = middle(corners)
-        arm = corners - center[:, None]
-        radius = np.sqrt(row_max(np.einsum("nij,nij->ni", arm, arm)))
-        azimuth, elevation, distance = self.outside(center)
-        width = np.arcsin(np.minimum(radius / np.maximum(distance, 1e-9), 1.0))
-        cosine = np.cos(np.minimum(elevation + self.elevation_fov / 2.0, 1.4))
-        inside = (azimuth <= width / cosine) & (elevation <= width) | (width > WIDE_FACE)
-        height = np.abs(normal @ self.pose.position - offset)
-        return inside & (distance - radius < reach) & (height > GRAZING * distance) & row_any(normal)
-
-
-@dataclass(frozen=True, eq=False)
 class StartFaces:
     """Pieces of faces, some patches large, from which first tubes are cut.
 
@@ -189,18 +99,10 @@ class StartFaces:
 
 
 @dataclass(frozen=True, eq=False)
-class Arrival:
-    """Tubes of one bounce."""
-
-    lit: ImageTubes
-    """What goes on from there."""
-    seen: ImageTubes
-    """Patches of it that the receiver sees."""
-
-
-@dataclass(frozen=True, eq=False)
 class Tracer:
-    """Rays of one transmitter and receiver in one state of the world.
+    """Rays of one transmitter in one state of the world, and what its receivers see of them.
+
+    All receivers share the tubes; what comes back to any of them is followed.
 
     Attributes
     ----------
@@ -210,8 +112,9 @@ class Tracer:
         Faces that scatter; the others are obstacles at which a tube ends.
     sheet : ndarray of float64, shape (num_faces,)
         Size of the sheet to which each face belongs [m].
-    tx, rx : Viewpoint
-        The same object for a monostatic radar.
+    tx : Viewpoint
+    receivers : tuple of Viewpoint
+        The same object as `tx` where it receives itself.
     reach : float
         Tubes longer than twice this are dropped [m].
     size : PatchSize
@@ -230,7 +133,7 @@ class Tracer:
     chosen: Mask
     sheet: Array
     tx: Viewpoint
-    rx: Viewpoint
+    receivers: tuple[Viewpoint, ...]
     reach: float
     size: PatchSize
     settings: SbrSettings
@@ -243,13 +146,13 @@ class Tracer:
         """Yield what :meth:`tracing` finds, alone."""
         for _, found in together([self.tracing(face, starts)], self.settings.max_tubes):
             if found is not None:
-                yield found
+                yield found[1]
 
-    def tracing(self, face: Index, starts: Iterable[ImageTubes] | None = None) -> Tracing[ImageTubes]:
-        """Yield the footprints that the receiver sees, bounce after bounce, of tubes that start on some faces.
+    def tracing(self, face: Index, starts: Iterable[ImageTubes] | None = None) -> Tracing[tuple[int, ImageTubes]]:
+        """Yield the footprints that each receiver sees, bounce after bounce, of tubes that start on some faces.
 
-        The last batch that was found goes first, so that few wait at a time. What is asked of the rays is yielded, too,
-        see :func:`.together`.
+        With each its number among the receivers. The last batch that was found goes first, so that few wait at a time.
+        What is asked of the rays is yielded, too, see :func:`.together`.
 
         Parameters
         ----------
@@ -262,11 +165,12 @@ class Tracer:
             stack = [(1, start)]
             while stack:
                 depth, tubes = stack.pop()
-                arrival = yield from self._arrive(depth, tubes)
-                windows = (self.tx.window, self.rx.window)[depth > 1 :]
-                yield from self._for_motion(cut_at_ends(arrival.seen, windows, self.settings))
-                if depth < self.settings.max_depth and len(arrival.lit):
-                    following = yield from self._next(arrival.lit)
+                self.count[depth] += len(tubes)
+                lit = (yield from self._seen(tubes, self.tx, (1, 0))) if depth == 1 else tubes
+                for number in range(len(self.receivers)):
+                    yield Branch(self._patches(number, depth, lit))
+                if depth < self.settings.max_depth and len(lit):
+                    following = yield from self._next(lit)
                     stack += [(depth + 1, batch) for batch in following.batches(self.settings.max_tubes)]
 
     def first_tubes(self, face: Index) -> StartFaces:
@@ -277,7 +181,7 @@ class Tracer:
         ParameterRangeError
             If they are more than `max_patches`.
         """
-        source, receiver, limit = self.tx.pose.position, self.rx.pose.position, self.settings.max_patches
+        source, receiver, limit = self.tx.pose.position, self._sized_for.pose.position, self.settings.max_patches
         size = self._start_size(face)
         coarse, rows = split(self.faces.triangles.corners[face], source[None], receiver, size, limit, _COARSE)
         pieces = size.pieces(coarse, source, receiver)
@@ -301,7 +205,7 @@ class Tracer:
         fine, piece_of = split(
             starts.corners[chosen],
             self.tx.pose.position[None],
-            self.rx.pose.position,
+            self._sized_for.pose.position,
             starts.size,
             self.settings.max_patches,
         )
@@ -312,19 +216,29 @@ class Tracer:
         stands_for = float(place[-1] * np.mean(made / starts.pieces[coarse]) / count)
         return self._first(fine[rows], starts.face[coarse], coarse, number), stands_for
 
-    def _arrive(self, depth: int, tubes: ImageTubes) -> Generator[Question, Any, Arrival]:
-        self.count[depth] += len(tubes)
-        if depth > 1:
-            seen = yield from self._seen(self._watched(self._cut(self._turned_back(tubes))), self.rx, (depth, 1))
-            return Arrival(tubes, seen)
-        lit = yield from self._seen(tubes, self.tx, (depth, 0))
-        if self.rx is self.tx:
-            return Arrival(lit, replace(lit, way_out=lit.way_in))
-        return Arrival(lit, (yield from self._seen(self._watched(self._in_front(lit)), self.rx, (depth, 1))))
+    def _patches(self, number: int, depth: int, lit: ImageTubes) -> Tracing[tuple[int, ImageTubes]]:
+        """Yield what one receiver sees of the tubes of a bounce, in patches."""
+        rx = self.receivers[number]
+        if depth == 1 and rx is self.tx:
+            seen = replace(lit, way_out=lit.way_in)
+        else:
+            facing = self._in_front(lit, rx) if depth == 1 else self._turned_back(lit, rx)
+            if depth > 1 or rx is not self._sized_for:
+                facing = self._cut(facing, rx)
+            watched = facing.take(np.flatnonzero(rx.touches(facing.corners)))
+            seen = yield from self._seen(watched, rx, (depth, 1))
+        windows = (self.tx.window, rx.window)[depth > 1 :]
+        for patches in self._for_motion(cut_at_ends(seen, windows, self.settings), rx):
+            yield number, patches
+
+    @property
+    def _sized_for(self) -> Viewpoint:
+        """The receiver for which first tubes are small enough; patches for the others are cut once more."""
+        return self.tx if self.tx in self.receivers else self.receivers[0]
 
     def _starts(self, face: Index) -> Iterator[ImageTubes]:
         """Yield the patches of faces that are in the transmitter's view, some batch of them at a time."""
-        source, receiver, limit = self.tx.pose.position, self.rx.pose.position, self.settings.max_patches
+        source, receiver, limit = self.tx.pose.position, self._sized_for.pose.position, self.settings.max_patches
         starts = self.first_tubes(face)
         batch = (np.cumsum(starts.pieces) / self.settings.max_tubes).astype(np.int64)
         new = np.diff(starts.face, prepend=-1) != 0
@@ -349,7 +263,11 @@ class Tracer:
         if wanted is None:
             return self.size
         low, high = 1e-6, 1e3
-        corners, source, receiver = self.faces.triangles.corners[face], self.tx.pose.position, self.rx.pose.position
+        corners, source, receiver = (
+            self.faces.triangles.corners[face],
+            self.tx.pose.position,
+            self._sized_for.pose.position,
+        )
         for _ in range(30):
             longest = float(np.sqrt(low * high))
             size = replace(self.size, longest=longest)
@@ -357,13 +275,13 @@ class Tracer:
             low, high = (longest, high) if more else (low, longest)
         return replace(self.size, longest=high)
 
-    def _cut(self, tubes: ImageTubes) -> ImageTubes:
+    def _cut(self, tubes: ImageTubes, rx: Viewpoint) -> ImageTubes:
         """Return footprints cut into patches that are small enough."""
         limit = self.settings.max_patches
-        corners, rows = split(tubes.corners, tubes.image[:, -1], self.rx.pose.position, self.size, limit)
+        corners, rows = split(tubes.corners, tubes.image[:, -1], rx.pose.position, self.size, limit)
         return tubes.take(rows, corners)
 
-    def _for_motion(self, tubes: ImageTubes) -> Iterator[ImageTubes]:
+    def _for_motion(self, tubes: ImageTubes, rx: Viewpoint) -> Iterator[ImageTubes]:
         """Yield footprints, cut so that motion over a frame changes the pattern of none: see `max_turn`."""
         if self.velocity is None or self.size.max_turn is None or not len(tubes):
             yield tubes
@@ -374,11 +292,11 @@ class Tracer:
             along = np.einsum("ij,ij->i", image - self.velocity[face], normal)
             image = image - 2.0 * along[:, None] * normal
         own = self.velocity[tubes.face[:, -1]]
-        passed = (own - image) * self.size.duration, (own - self.rx.drift) * self.size.duration
+        passed = (own - image) * self.size.duration, (own - rx.drift) * self.size.duration
         if not (passed[0].any() or passed[1].any()):
             yield tubes
             return
-        source, receiver = tubes.image[:, -1], self.rx.pose.position
+        source, receiver = tubes.image[:, -1], rx.pose.position
         # edges may not do for what moves: the band counts again
         size = replace(self.size, max_phase=np.inf, passed=passed)
         excess = size.excess(tubes.corners, source, np.arange(len(tubes)), receiver)
@@ -387,9 +305,6 @@ class Tracer:
             size = replace(size, passed=(passed[0][rows], passed[1][rows]))
             corners, piece_of = split(tubes.corners[rows], source[rows], receiver, size, self.settings.max_patches)
             yield tubes.take(rows[piece_of], corners)
-
-    def _watched(self, tubes: ImageTubes) -> ImageTubes:
-        return tubes.take(np.flatnonzero(self.rx.touches(tubes.corners)))
 
     def _spacings(self, tubes: ImageTubes, source: Array, is_way_in: bool) -> Spacings:
         """Return how finely footprints are probed and halved; those at grazing incidence only for narrow bodies."""
@@ -432,21 +347,22 @@ class Tracer:
         faces[behind] = self.panes.crossed(first, center, 1.0 - SAME_DISTANCE)
         return replace(found, way_in=faces) if place[1] == 0 else replace(found, way_out=faces)
 
-    def _in_front(self, tubes: ImageTubes) -> ImageTubes:
-        """Return the footprints whose lit side is turned to the receiver."""
+    def _in_front(self, tubes: ImageTubes, rx: Viewpoint) -> ImageTubes:
+        """Return the footprints whose lit side is turned to a receiver."""
         center = middle(tubes.corners)
         normal = self.faces.triangles.normal[tubes.face[:, -1]]
         lit = np.einsum("ij,ij->i", normal, tubes.image[:, -1] - center)
-        towards = np.einsum("ij,ij->i", normal, self.rx.pose.position - center)
+        towards = np.einsum("ij,ij->i", normal, rx.pose.position - center)
         return tubes.take(np.flatnonzero(lit * towards > 0.0))
 
-    def _turned_back(self, tubes: ImageTubes) -> ImageTubes:
-        """Return the footprints that radiate to the receiver: see `return_angle`."""
-        tubes = self._in_front(tubes)
+    def _turned_back(self, tubes: ImageTubes, rx: Viewpoint) -> ImageTubes:
+        """Return the footprints that radiate to a receiver: see `return_angle`."""
+        tubes = self._in_front(tubes, rx)
         if self._return is None or not len(tubes):
             return tubes
-        last = tubes.face[:, -1]
-        return tubes.take(np.flatnonzero(self._return.of_footprints(middle(tubes.corners), tubes.image[:, -1], last)))
+        source, last = tubes.image[:, -1], tubes.face[:, -1]
+        back = self._return.of_footprints(middle(tubes.corners), source, last, rx.pose.position)
+        return tubes.take(np.flatnonzero(back))
 
     @cached_property
     def _of_plane(self) -> Index:
@@ -457,7 +373,8 @@ class Tracer:
         angle = self.settings.return_angle
         if angle is None:
             return None
-        return Return(self.rays, self.faces, self.chosen, self.rx.pose.position, angle)
+        stations = np.array([rx.pose.position for rx in self.receivers])
+        return Return(self.rays, self.faces, self.chosen, stations, angle)
 
     def _next(self, tubes: ImageTubes) -> Generator[Question, Any, ImageTubes]:
         """Return the footprints of the reflected tubes on what they meet next."""
@@ -477,7 +394,8 @@ class Tracer:
             return self._landed(tubes, image, tubes.corners, last, last)
         target = Landing(self.rays, self.faces, self.chosen, image, lift, last)
         if rest == 1:
-            target = replace(target, station=self.rx.pose.position, angle=self.settings.return_angle)
+            stations = np.array([rx.pose.position for rx in self.receivers])
+            target = replace(target, stations=stations, angle=self.settings.return_angle)
         corners, rows, plane = yield Cut((place, 3), tubes.corners, spacings, target, self.settings)
         met = plane != MISS
         return self._landed(tubes, image, corners[met], rows[met], self._of_plane[plane[met]])

@@ -20,7 +20,7 @@ from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.antennas import refuse_receiver
 from scarl_sionna.radar.channel.sbr.cost import SolveCost
-from scarl_sionna.radar.optics.spherical_waves import Viewpoint
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 

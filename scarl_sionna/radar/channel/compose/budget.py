@@ -23,8 +23,8 @@ from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
 from scarl_sionna.radar.channel.sbr.cost import patches_in
 from scarl_sionna.radar.optics.patches import PatchSize
-from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.radar.optics.tubes.tube_shape import middle
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.signal.antenna import boresights, largest_field_gain
 from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power

@@ -19,7 +19,7 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.optics.faces.panes import pane_parts
 from scarl_sionna.radar.optics.patches import PatchSize
-from scarl_sionna.radar.optics.spherical_waves import Viewpoint
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.scatterers.model import ScattererModel
 
 from .budget import (
@@ -36,7 +36,7 @@ from .left_out.reach import Boxes, Looker, MirrorWays, Reach
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .reflections import changes, sights
-from .spend import Choice, num_pairs, spend
+from .spend import Choice, num_pairs, num_ways, spend
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -308,7 +308,7 @@ def _planned_error(choice: Choice, computed_db: float, rules: AutoSettings) -> f
 
 
 def num_tubes_of(view: View, choice: Choice, level: SbrLevel) -> int:
-    """Return what a coherent object costs by one pair of ways at a level; nothing if no way leads to it."""
+    """Return what a coherent object costs by one way at a level; nothing if no way leads to it."""
     item = choice.item
     if choice.method != "sbr" or (item.in_view and choice.sight.share == 0.0 and not choice.changes):
         return 0
@@ -336,7 +336,7 @@ def _seconds_at(view: View, own: Sequence[Choice], level: SbrLevel) -> float:
     pairs = sum(num_pairs(len(mirrors)) - 1 for mirrors in over)
     first = further = 0.0
     for choice in own:
-        start, times = view.first_tubes(choice.item.number, level), num_pairs(len(choice.mirrors))
+        start, times = view.first_tubes(choice.item.number, level), num_ways(len(choice.mirrors))
         first += times * start
         further += times * max(num_tubes_of(view, choice, level) - start - view.rules.tubes.least, 0.0)
     further /= 1.0 + further / max(cost.most_further * first, 1.0)

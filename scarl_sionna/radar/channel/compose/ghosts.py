@@ -21,10 +21,10 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import SPECULAR
 from scarl_sionna.radar.channel.multipath.images import spherical_basis
 from scarl_sionna.radar.channel.sbr.bodies import Bodies
-from scarl_sionna.radar.channel.sbr.solve import Pair
+from scarl_sionna.radar.channel.sbr.tracing import Pair
 from scarl_sionna.radar.channel.scatterers import PlacedModel
-from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.radar.optics.tubes.screens import Strips, Window
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths, bend_of
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
@@ -309,10 +309,18 @@ class Meshes:
         corners = np.concatenate([box_points(view.state, number) for number in view.owned])
         alone = {image.way[0].number for pair in images for image in pair if len(image.way) == 1}
         beside = {number: view.strips(number, corners, BOX_POINTS) for number in sorted(alone)}
+        windows: dict[tuple[int, ...], Window | None] = {}  # one for each way, so that its tubes are traced once
+        for image in (image for pair in images for image in pair):
+            way = tuple(mirror.number for mirror in image.way)
+            if way not in windows:
+                windows[way] = self._window(view, image, beside)
         found = []
         for tx, rx in images:
-            first = self._viewpoint(view, tx, beside)
-            found.append(Pair(first, first if tx is rx else self._viewpoint(view, rx, beside), view.owned))
+            first, last = (
+                self._viewpoint(view, image, windows[tuple(mirror.number for mirror in image.way)])
+                for image in (tx, rx)
+            )
+            found.append(Pair(first, first if tx is rx else last, view.owned))
         return found
 
     def _owner(self, view: MirrorView) -> npt.NDArray[np.int64]:
@@ -320,22 +328,27 @@ class Meshes:
             self._mirror_of_face = _owners(view.state, view.mirrors, view.knobs.thickness)
         return self._mirror_of_face
 
-    def _viewpoint(self, view: MirrorView, image: Image, strips: Mapping[int, Strips | None]) -> Viewpoint:
-        """Return an image of the radar, which looks through its mirrors: what lies on them hides nothing.
+    def _window(self, view: MirrorView, image: Image, strips: Mapping[int, Strips | None]) -> Window | None:
+        """Return the mirrors through which an image looks: what lies on them hides nothing.
 
         `strips` are those beside the mirrors that are met alone, by their numbers.
         """
-        axes, window, source = view.mount.pose.rotation, None, view.mount.pose.position
-        passing, lift = view.mount.twist.linear, view.knobs.thickness
+        window, source, lift = None, view.mount.pose.position, view.knobs.thickness
         beside = strips[image.way[0].number] if len(image.way) == 1 else None
         for mirror in image.way:  # static ones
-            axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
-            passing = passing - 2.0 * (mirror.normal @ passing) * mirror.normal
             side = np.sign(float(mirror.height(source)))
             plane = side * mirror.normal, side * mirror.offset
             across = None if beside is None or not len(beside.length) else partial(view.across_ends, mirror.number)
             window = Window(*plane, self._owner(view), mirror.number, lift, source, window, beside, across)
             source = mirrored((mirror,), source)
+        return window
+
+    def _viewpoint(self, view: MirrorView, image: Image, window: Window | None) -> Viewpoint:
+        """Return an image of the radar, which looks through its mirrors."""
+        axes, passing = view.mount.pose.rotation, view.mount.twist.linear
+        for mirror in image.way:
+            axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
+            passing = passing - 2.0 * (mirror.normal @ passing) * mirror.normal
         station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
         return replace(station, window=window, axes=axes, passing=passing)
 

@@ -29,7 +29,8 @@ from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from scarl_sionna.radar.channel.sbr.bodies import Bodies
 from scarl_sionna.radar.channel.sbr.cost import Work, affordable
-from scarl_sionna.radar.channel.sbr.solve import Pair, solve_between, stations_of, straight
+from scarl_sionna.radar.channel.sbr.solve import solve_between, stations_of, straight
+from scarl_sionna.radar.channel.sbr.tracing import Pair
 from scarl_sionna.radar.channel.scatterers import PlacedModel, solve_scatterers
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.paths import RadarPaths
@@ -41,7 +42,7 @@ from .mirror_chains import mirror_chains, most_mirrors
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .plan import ResolvedPlan, Seen, resolve
-from .spend import num_pairs
+from .spend import num_pairs, num_ways
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -125,17 +126,19 @@ def _affordable(
 ) -> tuple[ChannelPlan, dict[str, Any]]:
     """Return the plan with knobs of `sbr` that are within the budgets, and what that is expected to cost.
 
-    What is seen over mirrors counts as often as there are pairs of a way there and a way back, by the share of the
-    objects that it is asked for.
+    What is seen over mirrors counts as often as there are ways, and its patches as often as there are pairs of a way
+    there and a way back, by the share of the objects that it is asked for.
     """
     plan, work = resolved.plan, {}
     for index, (share, owned) in enumerate(zip(plan.shares, resolved.owned, strict=True)):
         if share.solver == "sbr" and owned:
             own = settings if share.settings is None else settings.with_(sbr=share.settings)
             over = resolved.reflections[index]
-            more = sum(len(seen.objects) * (num_pairs(len(seen.mirrors)) - 1) for seen in over)
-            stations = stations_of(radar, mount)
-            work[index] = Work(Bodies(state, radar, own, owned), stations, 1.0 + more / len(owned))
+            ways, pairs = (
+                1.0 + sum(len(seen.objects) * (count(len(seen.mirrors)) - 1) for seen in over) / len(owned)
+                for count in (num_ways, num_pairs)
+            )
+            work[index] = Work(Bodies(state, radar, own, owned), stations_of(radar, mount), ways, pairs)
     knobs, cost = affordable(list(work.values()), settings.accuracy, settings.auto.levels)
     shares = list(plan.shares)
     for index, chosen in zip(work, knobs, strict=True):

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
-from scarl_sionna.radar.optics.spherical_waves import Viewpoint
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.signal.antenna import largest_field_gain
 
 from .budget import Surface, box_points

@@ -22,7 +22,7 @@ class Choice:
     item : Estimate
     method, reason : str
     tubes : int
-        That it costs straight; each further pair of ways costs as much.
+        That it costs straight; each further way costs as much.
     changes : list of Change
         What mirrors do to it, as far as it may exceed the tolerance, or `smallest_change_db` where that is less, and is
         above the floor, the largest first.
@@ -54,8 +54,13 @@ class Choice:
 
     @property
     def cost(self) -> int:
-        """Tubes over all pairs of ways."""
-        return self.tubes * num_pairs(len(self.mirrors))
+        """Tubes over all ways."""
+        return self.tubes * num_ways(len(self.mirrors))
+
+
+def num_ways(mirrors: int) -> int:
+    """Return the number of ways to an object, the straight one included: each is traced once for all ways back."""
+    return mirrors + 1
 
 
 def num_pairs(mirrors: int) -> int:
@@ -76,7 +81,7 @@ def spend(own: Sequence[Choice], cost: Mapping[int, int], served: Collection[int
     own : sequence of Choice
         Objects that are computed coherently, the first ones first; changed: `tubes`, `mirrors` and `over_budget`.
     cost : mapping
-        Tubes of each by one pair of ways, by its instance.
+        Tubes of each by one way, by its instance.
     served : collection of int
         Numbers of the mirrors that may be used.
     budget : int
@@ -90,7 +95,7 @@ def spend(own: Sequence[Choice], cost: Mapping[int, int], served: Collection[int
         left -= _take(choice, (), left)
     others = [one for one in own if one.item.info.actor is None]
     whole = {id(choice): possible[id(choice)][:1] for choice in others}
-    for choice in sorted(others, key=lambda one: one.tubes * num_pairs(len(whole[id(one)]))):
+    for choice in sorted(others, key=lambda one: one.tubes * num_ways(len(whole[id(one)]))):
         left -= _take(choice, whole[id(choice)], left)
     for choice in (one for one in others if one.over_budget):
         left -= _take(choice, (), left)
@@ -113,7 +118,7 @@ def _place(wanted: tuple[Choice, Change, int]) -> tuple[bool, float]:
 
 def _take(choice: Choice, changes: Sequence[Change], left: int) -> int:
     """Take an object, with some reflections, if the budget pays for all of that; return what it costs."""
-    price = choice.tubes * num_pairs(len(changes))
+    price = choice.tubes * num_ways(len(changes))
     if price > left:
         return 0
     choice.over_budget = False
@@ -123,8 +128,7 @@ def _take(choice: Choice, changes: Sequence[Change], left: int) -> int:
 
 def _add(choice: Choice, change: Change, left: int) -> int:
     """Add a mirror if the budget pays for it; return what it costs."""
-    more = choice.tubes * (num_pairs(len(choice.mirrors) + 1) - num_pairs(len(choice.mirrors)))
-    if more > left:
+    if choice.tubes > left:
         return 0
     choice.mirrors.append(change.mirror)
-    return more
+    return choice.tubes

@@ -26,7 +26,7 @@ from .budget import path_unit, sbr_settings
 from .choose import ENOUGH, Chosen, View, counts, level_of, num_tubes_of
 from .expected_error import MOST_DB, expected_errors, keeps, kept_error, levels_db, owners, reverse_doubts
 from .hybrid import solve_hybrid
-from .spend import Choice, num_pairs
+from .spend import Choice, num_ways
 
 DIMMER_DB = 10.0
 """Objects that are this much weaker than those that count are looked at, too: they may be brighter than they seem."""
@@ -288,7 +288,7 @@ class _Work:
 
     def _tubes(self, choice: Choice, level: SbrLevel) -> int:
         """Return the tubes of an object at a level, over all of its ways."""
-        return num_tubes_of(self.view, choice, level) * num_pairs(len(choice.mirrors))
+        return num_tubes_of(self.view, choice, level) * num_ways(len(choice.mirrors))
 
     def _traced(self, lit: Collection[int], level: SbrLevel) -> RadarPaths:
         """Return the paths of some objects at a level; the others only bounce."""

@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import BudgetError, ScarlWarning
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.auto import SbrLevel
 from scarl_sionna.core.settings.sbr import SbrSettings
-from scarl_sionna.radar.optics.spherical_waves import Viewpoint
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
 
 from .bodies import Bodies
 from .tracing import first_faces, tracer_between
@@ -60,9 +60,9 @@ class SolveCost:
         """Memory beyond what the process has before [GiB]."""
         return LEAST_GIB + BYTES_OF_PATCH * self.patches / 2.0**30
 
-    def times(self, count: float) -> SolveCost:
-        """Return the cost of as many equal solves, of which all paths are kept."""
-        return SolveCost(self.first_tubes * count, self.tubes * count, self.patches * count, self.sampled)
+    def times(self, ways: float, pairs: float) -> SolveCost:
+        """Return the cost of tubes traced so often, whose patches are seen so often, all paths kept."""
+        return SolveCost(self.first_tubes * ways, self.tubes * ways, self.patches * pairs, self.sampled)
 
     def __add__(self, other: SolveCost) -> SolveCost:
         one, two = asdict(self), asdict(other)
@@ -123,15 +123,16 @@ def solve_cost(bodies: Bodies, stations: tuple[Viewpoint, Viewpoint], accuracy: 
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """Bodies that are solved, between which stations, and how often about as many tubes are traced again."""
+    """Bodies that are solved, between which stations, by how many ways, and by how many pairs of them."""
 
     bodies: Bodies
     stations: tuple[Viewpoint, Viewpoint]
-    times: float = 1.0
+    ways: float = 1.0
+    pairs: float = 1.0
 
     def cost(self, knobs: SbrSettings, accuracy: Accuracy | None = None) -> SolveCost:
         """Return what it is expected to cost with some knobs of `sbr`; without budgets a sample is always taken."""
-        return solve_cost(with_knobs(self.bodies, knobs), self.stations, accuracy).times(self.times)
+        return solve_cost(with_knobs(self.bodies, knobs), self.stations, accuracy).times(self.ways, self.pairs)
 
 
 def with_knobs(bodies: Bodies, knobs: SbrSettings) -> Bodies:

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import time
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,8 +25,10 @@ from scarl_sionna.engine.rays.overlap import seen_overlaps
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.optics.edges.near_field import EdgeView, edge_rows
 from scarl_sionna.radar.optics.near_field import NearField, radiated
-from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Viewpoint
+from scarl_sionna.radar.optics.patches import PatchSize
+from scarl_sionna.radar.optics.spherical_waves import ImageTubes
 from scarl_sionna.radar.optics.tubes.together import together
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths, bend_of
 
 from .bodies import Bodies
@@ -33,7 +36,7 @@ from .cost import Work, affordable, check_memory, with_knobs
 from .diffuse import rough_pieces, scattered_rows, way_back
 from .edge_rows import with_edges
 from .rows import Columns, above_floor, in_order, joined, received
-from .tracing import first_faces, tracer_between
+from .tracing import Pair, Shared, shared_tracings
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -200,18 +203,10 @@ def straight(
     )
 
 
-class Pair(NamedTuple):
-    """Two stations, which may be images of a radar, and on what the tubes between them start."""
-
-    tx: Viewpoint
-    rx: Viewpoint
-    """The same object for a monostatic radar."""
-    lit: Sequence[int] | None = None
-    """Instances; all that scatter if left out."""
-
-
 def solve_between(bodies: Bodies, pairs: Sequence[Pair]) -> list[RadarPaths]:
     """Return the paths between pairs of stations, without checks of where they stand; all are traced together.
+
+    Pairs from one place share their tubes, so ``diagnostics["num_tubes"]`` of each are those of all that share them.
 
     Parameters
     ----------
@@ -228,10 +223,22 @@ def solve_between(bodies: Bodies, pairs: Sequence[Pair]) -> list[RadarPaths]:
     """
     with bodies.active():
         solves = [_Solve(bodies, pair) for pair in pairs]
-        tracings = [solve.tracer.tracing(solve.start) for solve in solves]
+        shared = list(shared_tracings(bodies, pairs))
+        for one in shared:
+            for number in one.pairs:
+                solves[number].tracings.append(one)
+        for solve in solves:
+            if not solve.tracings:
+                solve.finish()
         fields = _Fields()
-        for number, patches in together(tracings, bodies.knobs.max_tubes // _OF_ONE):
-            fields.add(solves[number], patches)
+        tracings = [one.tracer.tracing(one.start) for one in shared]
+        for number, found in together(tracings, bodies.knobs.max_tubes // _OF_ONE):
+            if found is None:
+                for pair in shared[number].pairs:
+                    fields.end(solves[pair])
+                continue
+            receiver, patches = found
+            fields.add(solves[shared[number].pairs[receiver]], patches)
             if fields.num_patches >= bodies.knobs.max_tubes:
                 fields.finish()
                 check_memory(bodies, sum(solve.num_rows for solve in solves))
@@ -248,11 +255,14 @@ class _Fields:
         self._waiting: dict[tuple[int, bool], list[tuple[_Solve, int, ImageTubes]]] = {}
         self._ended: list[_Solve] = []
 
-    def add(self, solve: _Solve, patches: ImageTubes | None) -> None:
-        """Add patches that the receiver of a solve sees; None is the end of it."""
-        if patches is None:
+    def end(self, solve: _Solve) -> None:
+        """End one of the tracings of a solve."""
+        solve.num_ended += 1
+        if solve.num_ended == len(solve.tracings):
             self._ended.append(solve)
-            return
+
+    def add(self, solve: _Solve, patches: ImageTubes) -> None:
+        """Add patches that the receiver of a solve sees."""
         for is_curved, some in solve.near.kinds(patches):
             self._waiting.setdefault((some.depth, is_curved), []).append((solve, len(solve.blocks), some))
             solve.blocks.append({})
@@ -274,14 +284,14 @@ class _Solve:
 
     def __init__(self, bodies: Bodies, pair: Pair) -> None:
         self.bodies, self.pair, self.clock = bodies, pair, time.perf_counter()
-        stations = pair.tx, pair.rx
-        self.start = first_faces(bodies, stations, pair.lit)
-        self.tracer = tracer_between(bodies, stations)
-        size, knobs = self.tracer.size, bodies.knobs
+        size, knobs = PatchSize.of(bodies.radar, bodies.knobs), bodies.knobs
+        self.tracings: list[Shared] = []
+        self.num_ended = 0
         self.near = NearField(
             bodies.rays,
             bodies.surfaces,
-            *stations,
+            pair.tx,
+            pair.rx,
             size.wavenumber,
             knobs.integration_phase,
             bodies.curves,
@@ -298,34 +308,38 @@ class _Solve:
 
         Rough pieces are added to those of their depth.
         """
-        state, near = self.bodies.state, self.near
-        is_rough = near.surfaces.is_rough[patches.face[:, -1]] & self.tracer.settings.diffuse
-        part = self.tracer.faces.part[patches.face]
+        bodies, state, near = self.bodies, self.bodies.state, self.near
+        is_rough = near.surfaces.is_rough[patches.face[:, -1]] & bodies.knobs.diffuse
+        part = bodies.faces.part[patches.face]
         columns["instance"] = state.world.parts.instance[part]
         columns["semantic"] = state.world.parts.semantic[part[:, -1]]
         columns["depth"] = np.full(len(patches), patches.depth, dtype=np.int32)
         columns["diffuse"] = np.zeros(len(patches), dtype=np.int8)
-        seen = columns["length"] < 2.0 * self.tracer.reach
+        seen = columns["length"] < 2.0 * bodies.reach
         rows = np.flatnonzero(is_rough & seen)
         if len(rows):
             some = {name: column[rows] for name, column in columns.items() if name not in ("oblique", "edges")}
             some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
             self.rough.setdefault(patches.depth, []).append(rough_pieces(some, patches.take(rows)))
         columns.pop("scattered")
-        triangles = self.tracer.faces.triangles
+        triangles = bodies.faces.triangles
         columns = with_edges(columns, patches, near, (triangles.normal, triangles.offset))
-        seen = columns["length"] < 2.0 * self.tracer.reach
+        seen = columns["length"] < 2.0 * bodies.reach
         self.blocks[place] = {name: column[seen] for name, column in columns.items()}
         self.num_rows += len(self.blocks[place]["length"])
 
     def finish(self) -> None:
         """Make the paths of all patches; the rows are gone then."""
         bodies, (tx, rx, _) = self.bodies, self.pair
-        knobs, tracer, blocks = bodies.knobs, self.tracer, self.blocks
+        knobs, blocks = bodies.knobs, self.blocks
+        start = np.concatenate([self.bodies.faces.part[:0], *(one.start for one in self.tracings)])
+        num_tubes: Counter[int] = sum((one.tracer.count for one in self.tracings), Counter())
         if knobs.edge_diffraction and tx.window is None and rx.window is None:
             limit = knobs.max_patches
-            edges = EdgeView(bodies.state, bodies.faces, bodies.rays, tx, rx, bodies.reach, tracer.size, limit)
-            seen = np.unique(bodies.state.world.parts.instance[bodies.faces.part[self.start]]).tolist()
+            edges = EdgeView(
+                bodies.state, bodies.faces, bodies.rays, tx, rx, bodies.reach, PatchSize.of(bodies.radar, knobs), limit
+            )
+            seen = np.unique(bodies.state.world.parts.instance[bodies.faces.part[start]]).tolist()
             blocks.append(edge_rows(edges, edges.pieces(seen, float(np.radians(knobs.crease_angle_deg)))))
         for depth in sorted(self.rough):
             blocks += _scattered(self.rough.pop(depth), knobs.seed, tx is rx)
@@ -335,8 +349,8 @@ class _Solve:
             "method": "sbr",
             "settings": knobs.model_dump(),
             "max_distance": bodies.reach,
-            "num_faces": len(self.start),
-            "num_tubes": dict(tracer.count),
+            "num_faces": len(start),
+            "num_tubes": dict(num_tubes),
             "num_patches": len(columns["length"]),
         }
         if tx.window is None and rx.window is None:  # of what the radar itself sees

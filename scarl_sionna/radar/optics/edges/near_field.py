@@ -17,8 +17,8 @@ from scarl_sionna.engine.world import WorldState
 from scarl_sionna.scene.materials.fresnel import reflection
 
 from ..patches import PatchSize, too_many_patches
-from ..spherical_waves import Viewpoint
 from ..tubes.probes import SAME_DISTANCE
+from ..viewpoint import Viewpoint
 from .wedges import Wedges, blocked, edge_current, free_standing, wedges_of
 
 Array = npt.NDArray[np.float64]

@@ -14,7 +14,7 @@ from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 
 from ..faces.panes import Panes
 from ..patches import EvenSize, split
-from .probes import CentralRays, PlaneProbe, Probe
+from .probes import CentralRays, PlaneProbe, Probe, Receivers
 from .refine import Pieces, refined
 from .screens import Screen, ScreenedProbe, Window
 from .spacings import Spacings
@@ -113,10 +113,10 @@ class Landing:
         Where the rays seem to come from [m], and the unit normal on the side on which they run.
     own : ndarray of int64, shape (num_tubes,)
         Face that each tube leaves.
-    station : ndarray of float64, shape (3,), optional
-        On the last bounce: to which planes must be turned [m].
+    stations : ndarray of float64, shape (num_receivers, 3), optional
+        On the last bounce: to one of which planes must be turned [m].
     angle : float, optional
-        By how much the mirror direction may then be off that of the station [rad].
+        By how much the mirror direction may then be off that of the receiver [rad].
     """
 
     rays: FaceRays
@@ -125,13 +125,13 @@ class Landing:
     source: Array
     lift: Array
     own: Index
-    station: Array | None = None
+    stations: Array | None = None
     angle: float | None = None
 
     @property
     def key(self) -> Hashable:
         """Rays, faces, and whether it is the last bounce."""
-        return id(self.rays), id(self.faces), id(self.chosen), self.station is not None, self.angle
+        return id(self.rays), id(self.faces), id(self.chosen), self.stations is not None, self.angle
 
     @staticmethod
     def probe(targets: Sequence[Landing]) -> Probe:
@@ -142,9 +142,11 @@ class Landing:
         )
         plane_of_face = np.where(targets[0].chosen, faces.plane, MISS)
         probe = PlaneProbe(rays, CentralRays(rays, source), lift, plane_of_face, faces.plane[own])
-        stations = [np.broadcast_to(one.station, one.source.shape) for one in targets if one.station is not None]
+        stations = [one.stations for one in targets if one.stations is not None]
         if stations:
-            probe.only_towards(np.concatenate(stations), faces.triangles.normal, faces.triangles.offset, angle)
+            target = np.repeat(np.arange(len(targets)), [len(one.own) for one in targets])
+            receivers = Receivers(rays, stations, target)
+            probe.only_towards(receivers, faces.triangles.normal, faces.triangles.offset, angle)
         return probe
 
 

@@ -6,6 +6,7 @@ scene) differ in the direction of the rays only: :class:`ParallelRays` and :clas
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -53,6 +54,40 @@ class CentralRays:
         """Return the unit directions; see :class:`Directions`."""
         dr = self._rays.dr
         return dr.normalize(point - dr.gather(self._rays.Vector, self._source, row))
+
+
+class Receivers:
+    """Receivers of tubes on the device, where each tube has some that follow each other.
+
+    Parameters
+    ----------
+    rays : FaceRays
+    stations : sequence of ndarray of float64, shape (num_receivers, 3)
+        Groups of them [m].
+    group : ndarray of int64, shape (num_rows,)
+        That of each tube.
+    """
+
+    def __init__(self, rays: FaceRays, stations: Sequence[Array], group: Index) -> None:
+        self._rays = rays
+        ends = np.cumsum([len(some) for some in stations])
+        self._end, self._count = (
+            rays.index(column[group]) for column in (ends, np.array([len(some) for some in stations]))
+        )
+        self._place = rays.reals(rays.placed(np.concatenate(stations)))
+
+    def is_any(self, row: DeviceArray, active: DeviceArray, test: Callable[[DeviceArray], DeviceArray]) -> DeviceArray:
+        """Return for which active rays of the tubes `row` the test, given the place of a receiver, holds for one."""
+        dr, mi, rays = self._rays.dr, self._rays.mi, self._rays
+        end, count = dr.gather(mi.UInt32, self._end, row), dr.gather(mi.UInt32, self._count, row)
+
+        def step(left: DeviceArray, found: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+            return left - 1, found | test(dr.gather(rays.Vector, self._place, end - left))
+
+        state = count, dr.zeros(mi.Bool, dr.width(row))
+        return dr.while_loop(
+            state, lambda left, found: active & ~found & (left > 0), step, label="receivers of a tube"
+        )[1]
 
 
 class Probe:
@@ -178,23 +213,23 @@ class PlaneProbe(Probe):
         super().__init__(rays)
         self._directions, self._lift = directions, rays.reals(lift)
         self._plane, self._own = rays.label(plane_of_face), None if own is None else rays.label(own)
-        self._faces: tuple[DeviceArray, DeviceArray, DeviceArray] | None = None
+        self._receivers: Receivers | None = None
+        self._faces: tuple[DeviceArray, DeviceArray] | None = None
         self._cosine: DeviceArray | None = None
 
-    def only_towards(self, stations: Array, normal: Array, offset: Array, angle: float | None = None) -> None:
-        """Let planes of which the lit side is turned away from a station count as missed, as on the last bounce.
+    def only_towards(self, receivers: Receivers, normal: Array, offset: Array, angle: float | None = None) -> None:
+        """Let planes count as missed of which the lit side is turned away from all receivers, as on the last bounce.
 
-        With an `angle` [rad] also those whose mirror direction is farther from that of the station.
+        With an `angle` [rad] also those whose mirror direction is farther from that of each receiver.
 
         Parameters
         ----------
-        stations : ndarray of float64, shape (num_rows, 3)
-            That of each tube [m].
+        receivers : Receivers
         normal, offset : ndarray of float64, shape (num_faces, 3) and (num_faces,)
             Planes of the faces.
         """
         rays = self.rays
-        self._faces = rays.reals(stations), rays.reals(normal), rays.reals(offset)
+        self._receivers, self._faces = receivers, (rays.reals(normal), rays.reals(offset))
         self._cosine = None if angle is None else rays.real(float(np.cos(angle)))
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
@@ -205,15 +240,18 @@ class PlaneProbe(Probe):
         met = face != MISS
         if self._own is not None:
             met &= plane != dr.gather(mi.Int32, self._own, row)
-        if self._faces is not None:
-            stations, normals, offsets = self._faces
-            station = dr.gather(rays.Vector, stations, row)
+        if self._faces is not None and self._receivers is not None:
+            normals, offsets = self._faces
             normal = dr.gather(rays.Vector, normals, mi.UInt32(face), met)
-            towards = dr.dot(normal, station) - dr.gather(rays.Real, offsets, mi.UInt32(face), met)
+            offset = dr.gather(rays.Real, offsets, mi.UInt32(face), met)
             slope = dr.dot(normal, ray)
-            met &= slope * towards < 0.0
-            if self._cosine is not None:
-                height = dr.gather(rays.Real, offsets, mi.UInt32(face), met) - dr.dot(normal, point)
-                back = station - point - height / dr.select(met, slope, 1.0) * ray
-                met &= dr.dot(ray - 2.0 * slope * normal, dr.normalize(back)) >= self._cosine
+            height = offset - dr.dot(normal, point)
+            end = point + height / dr.select(met, slope, 1.0) * ray
+            onward, cosine = ray - 2.0 * slope * normal, self._cosine
+
+            def is_towards(station: DeviceArray) -> DeviceArray:
+                lit = slope * (dr.dot(normal, station) - offset) < 0.0
+                return lit if cosine is None else lit & (dr.dot(onward, dr.normalize(station - end)) >= cosine)
+
+            met = self._receivers.is_any(row, met, is_towards)
         return dr.select(met, plane, MISS)

@@ -17,7 +17,7 @@ from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from scarl_sionna.engine.types import DeviceArray
 
-from .probes import CentralRays, Probe
+from .probes import CentralRays, Probe, Receivers
 from .spacings import Spacings
 from .together import Question
 from .tube_shape import COUNTS, OFFSETS, TOO_LONG, layouts, sides_and_height
@@ -42,31 +42,33 @@ class Return:
     faces : FaceTable
     chosen : ndarray of bool, shape (num_faces,)
         Faces that reflect; a ray that meets another one ends there.
-    station : ndarray of float64, shape (3,)
-        Receiver [m, world].
+    stations : ndarray of float64, shape (num_receivers, 3)
+        Receivers [m, world]: what comes back to any of them does.
     angle : float
-        Largest angle between the mirror direction and that of the receiver [rad].
+        Largest angle between the mirror direction and that of a receiver [rad].
     """
 
     rays: FaceRays
     faces: FaceTable
     chosen: Mask
-    station: Array
+    stations: Array
     angle: float
 
-    def of_footprints(self, center: Array, source: Array, face: Index) -> Mask:
-        """Return whether the mirror direction at points of faces is that of the receiver, shape (n,).
+    def of_footprints(self, center: Array, source: Array, face: Index, station: Array) -> Mask:
+        """Return whether the mirror direction at points of faces is that of one receiver, shape (n,).
 
         Parameters
         ----------
         center, source : ndarray of float64, shape (n, 3)
             Points, and where their rays come from [m, world].
         face : ndarray of int64, shape (n,)
+        station : ndarray of float64, shape (3,)
+            [m, world].
         """
         arriving = center - source
         normal = self.faces.triangles.normal[face]
         mirrored = arriving - 2.0 * np.einsum("ij,ij->i", arriving, normal)[:, None] * normal
-        back = self.station - center
+        back = station - center
         cosine = np.einsum("ij,ij->i", mirrored, back)
         cosine /= np.maximum(np.linalg.norm(mirrored, axis=1) * np.linalg.norm(back, axis=1), 1e-300)
         return np.asarray(cosine >= np.cos(self.angle))
@@ -120,9 +122,9 @@ class ComingBack(Question):
         ends = np.cumsum([len(one) for one in questions])
         if len(short):
             asked = np.searchsorted(ends, short, side="right")
-            station = np.array([one.wanted.station for one in questions])[asked]
+            receivers = Receivers(questions[0].wanted.rays, [one.wanted.stations for one in questions], asked)
             bounces = np.array([one.bounces for one in questions])[asked]
-            probe = _ReturnProbe(questions[0].wanted, (source[short], lift[short]), station, bounces)
+            probe = _ReturnProbe(questions[0].wanted, (source[short], lift[short]), receivers, bounces)
             count, first = COUNTS[layout[short]], OFFSETS[layout[short]]
             # the first ray decides every other tube
             found[short] = probe.within(corners[short], np.arange(len(short)), np.ones_like(count), first) > 0
@@ -134,13 +136,13 @@ class ComingBack(Question):
 
 
 class _ReturnProbe(Probe):
-    """Whether a ray from a point of a tube comes back (1) to its station after some bounces, or not (0)."""
+    """Whether a ray from a point of a tube comes back (1) to one of its receivers after some bounces, or not (0)."""
 
-    def __init__(self, wanted: Return, start: tuple[Array, Array], station: Array, bounces: Index) -> None:
+    def __init__(self, wanted: Return, start: tuple[Array, Array], receivers: Receivers, bounces: Index) -> None:
         rays, (source, lift) = wanted.rays, start
         super().__init__(rays)
         self._directions, self._lift = CentralRays(rays, source), rays.reals(lift)
-        self._bounces, self._station = rays.index(bounces), rays.reals(station)
+        self._bounces, self._receivers = rays.index(bounces), receivers
         triangles = wanted.faces.triangles
         self._normal, self._offset = rays.reals(triangles.normal), rays.reals(triangles.offset)
         self._chosen = rays.index(wanted.chosen.astype(np.uint32))
@@ -149,7 +151,7 @@ class _ReturnProbe(Probe):
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
         above, ray = dr.gather(rays.Vector, self._lift, row), self._directions.at(point, row)
-        station, bounces = dr.gather(rays.Vector, self._station, row), dr.gather(mi.UInt32, self._bounces, row)
+        bounces = dr.gather(mi.UInt32, self._bounces, row)
 
         def bounce(
             count: DeviceArray,
@@ -168,7 +170,9 @@ class _ReturnProbe(Probe):
             height = dr.gather(rays.Real, self._offset, number, alive) - dr.dot(normal, point)
             point = dr.select(alive, point + height / dr.select(alive, slope, 1.0) * ray, point)
             ray = ray - 2.0 * slope * normal
-            back = alive & (dr.dot(ray, dr.normalize(station - point)) >= self._cosine)
+            back = self._receivers.is_any(
+                row, alive, lambda station: dr.dot(ray, dr.normalize(station - point)) >= self._cosine
+            )
             return count + 1, alive & ~back, back, point, ray, normal * -dr.sign(slope)
 
         # a loop, since most rays are decided by the first bounce or two

@@ -1,13 +1,16 @@
 """Several tracings at once: what they ask of the rays is asked together, so that every call of the engine has many.
 
-A tracing is a generator that yields what it finds, and questions, whose answers are sent back into it. Bodies that are
-seen over several mirrors, straight, there and back, are as many tracings of a few thousand tubes each.
+A tracing is a generator that yields what it finds, and questions, whose answers are sent back into it, and branches,
+which go on beside it. Bodies that are seen over several mirrors are as many tracings of a few thousand tubes each, with
+a branch for each receiver at each bounce.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Generator, Hashable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 FoundT = TypeVar("FoundT")
@@ -39,18 +42,25 @@ class Question(ABC):
         """Return the answers to questions with the same key."""
 
 
-Tracing = Generator[Question | FoundT, Any, None]
+@dataclass(frozen=True, eq=False)
+class Branch(Generic[FoundT]):
+    """A part of a tracing that goes on beside the rest of it: what it finds is found by the whole."""
+
+    tracing: Tracing[FoundT]
+
+
+Tracing = Generator[Question | Branch[FoundT] | FoundT, Any, None]
 
 
 class _Run(Generic[FoundT]):
-    """One tracing, and what it waits for."""
+    """One tracing, or a branch of it, and what it waits for."""
 
-    def __init__(self, tracing: Tracing[FoundT]) -> None:
-        self.tracing = tracing
+    def __init__(self, number: int, tracing: Tracing[FoundT]) -> None:
+        self.number, self.tracing = number, tracing
         self.waits: Question | None = None
 
-    def go_on(self, answer: object) -> Iterator[FoundT]:
-        """Yield what is found until there is a question, or the end."""
+    def go_on(self, answer: object) -> Iterator[FoundT | Branch[FoundT]]:
+        """Yield what is found and branches, until there is a question, or the end."""
         self.waits = None
         while True:
             try:
@@ -74,27 +84,38 @@ def together(tracings: Sequence[Tracing[FoundT]], most: int) -> Iterator[tuple[i
         No further one begins while those that run ask about so many tubes: bounds the memory.
     """
     rest = iter(enumerate(tracings))
-    runs: dict[int, _Run[FoundT]] = {}
+    runs: list[_Run[FoundT]] = []
+    running: Counter[int] = Counter()
 
-    def on(number: int, answer: object) -> Iterator[tuple[int, FoundT | None]]:
-        for found in runs[number].go_on(answer):
-            yield number, found
-        if runs[number].waits is None:
-            del runs[number]
-            yield number, None
+    def on(run: _Run[FoundT], answer: object) -> Iterator[tuple[int, FoundT | None]]:
+        for step in run.go_on(answer):
+            if isinstance(step, Branch):
+                yield from begun(run.number, step.tracing)
+            else:
+                yield run.number, step
+        if run.waits is None:
+            runs.remove(run)
+            running[run.number] -= 1
+            if not running[run.number]:
+                yield run.number, None
+
+    def begun(number: int, tracing: Tracing[FoundT]) -> Iterator[tuple[int, FoundT | None]]:
+        run = _Run(number, tracing)
+        runs.append(run)
+        running[number] += 1
+        yield from on(run, None)
 
     while True:
-        while sum(len(run.waits) for run in runs.values() if run.waits is not None) < most:
+        while sum(len(run.waits) for run in runs if run.waits is not None) < most:
             following = next(rest, None)
             if following is None:
                 break
-            number, tracing = following
-            runs[number] = _Run(tracing)
-            yield from on(number, None)
-        asked = {number: run.waits for number, run in runs.items() if run.waits is not None}
-        if not asked:
+            yield from begun(*following)
+        if not runs:
             return
-        first = min(asked.values(), key=lambda question: question.place)
-        group = {number: question for number, question in asked.items() if question.key == first.key}
-        for number, answer in zip(group, type(first).answered(list(group.values())), strict=True):
-            yield from on(number, answer)
+        asked = [(run, run.waits) for run in runs if run.waits is not None]
+        first = min((question for _, question in asked), key=lambda question: question.place)
+        group = [(run, question) for run, question in asked if question.key == first.key]
+        answers = type(first).answered([question for _, question in group])
+        for (run, _), answer in zip(group, answers, strict=True):
+            yield from on(run, answer)

@@ -19,7 +19,7 @@ from scarl_sionna.radar.channel.compose.mirror_chains import possible_chains
 from scarl_sionna.radar.channel.compose.mirrors import Mirror, mirrored
 from scarl_sionna.radar.channel.compose.spend import Choice
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
-from scarl_sionna.radar.optics.spherical_waves import Viewpoint
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.antenna import largest_field_gain
 
