@@ -153,10 +153,12 @@ def _looking(start: Array, end: Array) -> Array:
 def _seen(view: MirrorView, found: RadarPaths, images: Images, cut: bool) -> RadarPaths:
     """Return the paths as the radar itself sees them, without those that the surroundings hide unless that is done."""
     state, pose, both = view.state, view.mount.pose, (images[0].way, images[1].way)
-    there, back, visible = _legs(view, found, images, cut)
+    if not cut:
+        found = found.select(_shown(view, found, images))
+    there, back = _legs(view, found, images)
     changed: dict[str, Any] = {name: value for name, value in vars(found).items()}
     weight = there.weight * back.weight
-    visible &= weight != 0.0
+    visible = weight != 0.0
     changed["a"] = np.einsum("pki,pkl,plj->pij", back.jones, found.a, there.jones) * weight[:, None, None]
     changed |= {
         "tx_point": there.image,
@@ -179,34 +181,46 @@ def _seen(view: MirrorView, found: RadarPaths, images: Images, cut: bool) -> Rad
     return result if visible.all() else result.select(visible)
 
 
-def _legs(view: MirrorView, found: RadarPaths, images: Images, cut: bool) -> tuple[Leg, Leg, Flags]:
-    """Return the ways to the first points of paths, those back from the last ones, and which paths have both open.
+def _shown(view: MirrorView, found: RadarPaths, images: Images) -> Flags:
+    """Return of which paths both ends are seen over the images' mirrors, with nothing in between."""
+    station = Viewpoint.of(view.radar, view.mount.pose, np.zeros(3))
+
+    def sees(image: Image, points: Array) -> Flags:
+        ways = _ways(image, len(points))
+        return view.shows(ways, points) & station.sees(view.chain(ways).images(points)[:, 0])
+
+    shown = sees(images[0], found.tx_point)
+    rest = np.flatnonzero(shown)
+    if images[0] is images[1]:
+        rest = rest[(found.tx_point[rest] != found.rx_point[rest]).any(axis=1)]
+    shown[rest] = sees(images[1], found.rx_point[rest])
+    return shown
+
+
+def _ways(image: Image, count: int) -> npt.NDArray[np.int64]:
+    return np.tile([mirror.number for mirror in image.way], (count, 1)).astype(np.int64)
+
+
+def _legs(view: MirrorView, found: RadarPaths, images: Images) -> tuple[Leg, Leg]:
+    """Return the ways to the first points of paths, and those back from the last ones.
 
     Seen from one image most paths begin and end at the same point: its way is computed once.
     """
     ends = found.tx_point, found.rx_point
     moving = found.filled("tx_velocity"), found.filled("rx_velocity")  # the images of the radar were at rest
+
+    def leg(image: Image, points: Array, velocities: Array) -> Leg:
+        return view.leg(_ways(image, len(points)), image.pose.rotation, points, velocities)
+
     if images[0] is not images[1]:
-        there, first = _leg(view, images[0], ends[0], moving[0], cut)
-        back, last = _leg(view, images[1], ends[1], moving[1], cut)
-        return there, back, first & last
+        return leg(images[0], ends[0], moving[0]), leg(images[1], ends[1], moving[1])
     apart = np.flatnonzero((ends[0] != ends[1]).any(axis=1) | (moving[0] != moving[1]).any(axis=1))
     points, velocities = (np.concatenate([one, other[apart]]) for one, other in (ends, moving))
-    leg, seen = _leg(view, images[0], points, velocities, cut)
+    whole = leg(images[0], points, velocities)
     start = np.arange(found.num_paths)
     end = start.copy()
     end[apart] = len(start) + np.arange(len(apart))
-    return leg.take(start), leg.take(end), seen[start] & seen[end]
-
-
-def _leg(view: MirrorView, image: Image, points: Array, velocities: Array, cut: bool) -> tuple[Leg, Flags]:
-    """Return the ways over an image's mirrors to points, and which are open; all if the points are cut already."""
-    ways = np.tile([mirror.number for mirror in image.way], (len(points), 1)).astype(np.int64)
-    leg = view.leg(ways, image.pose.rotation, points, velocities)
-    if cut:
-        return leg, np.ones(len(ways), dtype=np.bool_)
-    station = Viewpoint.of(view.radar, view.mount.pose, np.zeros(3))
-    return leg, view.shows(ways, points) & station.sees(leg.image)
+    return whole.take(start), whole.take(end)
 
 
 def _chained(

@@ -43,6 +43,9 @@ _TOGETHER = 128
 """Points that are compared with pieces of outlines together, more where these are few."""
 _COMPARED = 1 << 14
 """Points times pieces that are compared together."""
+CELL, _CELL_BITS = 0.25, 12
+"""Points are sorted by cells of this size [m], a kilometre of them, so that few pieces are near to all that are
+compared together."""
 IN_ONE_PLANE = 2e-3
 """Mirrors that are this near to the plane of another are in that plane [m]."""
 STEEP = 0.7
@@ -307,7 +310,8 @@ class MirrorEnds:
         outline = outline.take(outline.free)
         found = np.zeros((count, 3))
         together = max(_TOGETHER, _COMPARED // max(len(outline.owner), 1))
-        for rows in np.array_split(np.arange(count), -(-count // together)) if len(outline.owner) else []:
+        order = _side_by_side(at.point[::3])
+        for rows in np.array_split(order, -(-count // together)) if len(outline.owner) else []:
             some = at.take((3 * rows[:, None] + np.arange(3)).ravel())
             near = outline.take(self._may_be_near(number, outline, some))
             height, away = (one.reshape(len(rows), 3, -1) for one in edge_distances(*self._seen(number, near, some)))
@@ -397,6 +401,7 @@ class MirrorEnds:
             if not outline.free.any():
                 continue
             there = np.flatnonzero(at.mirror == number)
+            there = there[_side_by_side(at.point[there])]
             together = max(_TOGETHER, _COMPARED // len(outline.owner))
             for rows in np.array_split(there, -(-len(there) // together)):
                 some = at.take(rows)
@@ -452,6 +457,19 @@ class MirrorEnds:
         line = np.arange(len(nearest))
         beyond = (side[line, nearest] < 0.0) & pieces.free[nearest]
         return np.where(beyond, pieces.owner[nearest], _NOT_BEYOND), away[line, nearest]
+
+
+def _side_by_side(points: Array) -> Index:
+    """Return an order of points (n, 3) in which those that follow each other are near each other.
+
+    Of cells whose numbers have their bits interleaved.
+    """
+    cell = np.floor((points - points.min(axis=0, initial=np.inf)) / CELL).astype(np.int64)
+    key = np.zeros(len(points), dtype=np.int64)
+    for bit in range(_CELL_BITS):
+        for axis in range(3):
+            key |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return np.argsort(key, kind="stable")
 
 
 _standing: WeakKeyDictionary[World, dict[tuple[int, int], Outline]] = WeakKeyDictionary()
