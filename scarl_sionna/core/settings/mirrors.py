@@ -15,7 +15,7 @@ class MirrorSettings(Spec):
         16,
         ge=1,
         le=1000,
-        description="the largest so many are used: pairs of ways, and with them the time, grow with the square; "
+        description="the largest so many are used: tubes grow with their number, patches with its square; "
         "docs/accuracy.md, knobs of the rules",
     )
     flatness: Metres = Field(
