@@ -132,3 +132,14 @@ def test_levels_count_by_their_expected_error_not_by_their_tolerance(monkeypatch
         mirrors = [GROUND]
         assert choose._level_to_take(view, own, mirrors, (middle, rough)) is taken  # type: ignore[arg-type]
         assert all(choice.mirrors for choice in own) == (taken is rough or budget == 400)
+
+
+def test_memory_counts_patches_of_all_pairs_of_ways() -> None:
+    """Two mirrors are three ways, traced once each, but six pairs of a way there and a way back."""
+    for patches, mirrors in ((600, [0, 1]), (599, [0]), (299, []), (99, None)):
+        own = objects(car=[(10.0, GROUND), (9.0, WALL)])
+        spend(own, {0: 100}, {0, 1}, 10**6, patches)
+        assert own[0].over_budget == (mirrors is None)
+        assert [mirror.number for mirror in own[0].mirrors] == (mirrors or [])
+        ways = 1 + len(mirrors or [])
+        assert (own[0].cost, own[0].patches) == (100 * ways, 50 * ways * (ways + 1))

@@ -211,7 +211,7 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
     used |= {view.instance(mirror) for mirror in echoing}
     tubes = sum(choice.cost for choice in choices)
     seconds = round(expected_seconds(view, chosen, first_level(view, chosen)), 2)
-    memory = round(SolveCost(patches=tubes).memory_gib, 2)
+    memory = round(SolveCost(patches=sum(choice.patches for choice in choices)).memory_gib, 2)
     level = chosen.level.tolerance_db
     predicted = {"tubes": float(tubes), "cpu_seconds": seconds, "memory_gib": memory, "tolerance_db": level}
     knobs = view.settings.sionna

@@ -17,6 +17,7 @@ from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings, SbrLevel
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.channel.sbr.cost import patches_in
 from scarl_sionna.radar.optics.faces.panes import pane_parts
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
@@ -254,11 +255,13 @@ def _level_to_take(view: View, own: list[Choice], mirrors: list[Mirror], levels:
     their class decides, then the mean error.
     """
     rules = view.rules
-    budget, _ = affordable_tubes(view.settings.accuracy, rules)
+    accuracy = view.settings.accuracy
+    budget, _ = affordable_tubes(accuracy, rules)
+    patches = np.inf if accuracy.memory_budget is None else patches_in(accuracy.memory_budget)
 
     def error(level: SbrLevel) -> tuple[float, int, float]:
         cost = {choice.item.number: num_tubes_of(view, choice, level) for choice in own}
-        spend(own, cost, {mirror.number for mirror in mirrors}, budget)
+        spend(own, cost, {mirror.number for mirror in mirrors}, budget, patches)
         counted = [choice for choice in own if counts(choice, rules)]
         if not counted:
             return computed_error(level), 0, 0.0

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from .budget import Estimate
 from .mirrors import Mirror
 from .reflections import HIDDEN, Change, Sight
@@ -57,6 +59,31 @@ class Choice:
         """Tubes over all ways."""
         return self.tubes * num_ways(len(self.mirrors))
 
+    @property
+    def patches(self) -> int:
+        """Patches over all pairs of ways, a patch a tube."""
+        return self.tubes * num_pairs(len(self.mirrors))
+
+
+@dataclass
+class _Left:
+    """What is left of the budgets."""
+
+    tubes: int
+    patches: float
+
+    def pays(self, choice: Choice, mirrors: int, beside: int = 0) -> bool:
+        """Pay for an object with some mirrors, of which `beside` and the straight way are paid for; False if it cannot.
+
+        Nothing is paid for yet if `beside` is -1.
+        """
+        tubes = choice.tubes * (num_ways(mirrors) - num_ways(beside))
+        patches = choice.tubes * (num_pairs(mirrors) - num_pairs(beside))
+        if tubes > self.tubes or patches > self.patches:
+            return False
+        self.tubes, self.patches = self.tubes - tubes, self.patches - patches
+        return True
+
 
 def num_ways(mirrors: int) -> int:
     """Return the number of ways to an object, the straight one included: each is traced once for all ways back."""
@@ -68,8 +95,10 @@ def num_pairs(mirrors: int) -> int:
     return (mirrors + 1) * (mirrors + 2) // 2
 
 
-def spend(own: Sequence[Choice], cost: Mapping[int, int], served: Collection[int], budget: int) -> bool:
-    """Spend the budget anew; return whether it pays for everything.
+def spend(
+    own: Sequence[Choice], cost: Mapping[int, int], served: Collection[int], budget: int, patches: float = np.inf
+) -> bool:
+    """Spend the budgets anew; return whether it pays for everything.
 
     Road users come first, straight. Then of the other objects as many as it can pay for, each with the reflection that
     changes it most, since without it the echo may be off by as much; then those that are left, straight; then the
@@ -86,19 +115,21 @@ def spend(own: Sequence[Choice], cost: Mapping[int, int], served: Collection[int
         Numbers of the mirrors that may be used.
     budget : int
         Tubes.
+    patches : float
+        That memory holds.
     """
-    left = budget
+    left = _Left(budget, patches)
     possible = {id(choice): [one for one in choice.changes if one.mirror.number in served] for choice in own}
     for choice in own:
         choice.tubes, choice.mirrors, choice.over_budget = cost[choice.item.number], [], True
     for choice in (one for one in own if one.item.info.actor is not None):
-        left -= _take(choice, (), left)
+        _take(choice, (), left)
     others = [one for one in own if one.item.info.actor is None]
     whole = {id(choice): possible[id(choice)][:1] for choice in others}
     for choice in sorted(others, key=lambda one: one.tubes * num_ways(len(whole[id(one)]))):
-        left -= _take(choice, whole[id(choice)], left)
+        _take(choice, whole[id(choice)], left)
     for choice in (one for one in others if one.over_budget):
-        left -= _take(choice, (), left)
+        _take(choice, (), left)
     wanted = [
         (choice, change, rank)
         for choice in own
@@ -106,7 +137,8 @@ def spend(own: Sequence[Choice], cost: Mapping[int, int], served: Collection[int
         if not choice.over_budget and change.mirror not in choice.mirrors
     ]
     for choice, change, _ in sorted(wanted, key=_place):
-        left -= _add(choice, change, left)
+        if left.pays(choice, len(choice.mirrors) + 1, len(choice.mirrors)):
+            choice.mirrors.append(change.mirror)
     return all(not choice.over_budget and len(choice.mirrors) == len(possible[id(choice)]) for choice in own)
 
 
@@ -116,19 +148,8 @@ def _place(wanted: tuple[Choice, Change, int]) -> tuple[bool, float]:
     return (True, -change.change_db) if rank else (False, choice.tubes / max(min(change.change_db, MOST_DB), 1e-9))
 
 
-def _take(choice: Choice, changes: Sequence[Change], left: int) -> int:
-    """Take an object, with some reflections, if the budget pays for all of that; return what it costs."""
-    price = choice.tubes * num_ways(len(changes))
-    if price > left:
-        return 0
-    choice.over_budget = False
-    choice.mirrors = [change.mirror for change in changes]
-    return price
-
-
-def _add(choice: Choice, change: Change, left: int) -> int:
-    """Add a mirror if the budget pays for it; return what it costs."""
-    if choice.tubes > left:
-        return 0
-    choice.mirrors.append(change.mirror)
-    return choice.tubes
+def _take(choice: Choice, changes: Sequence[Change], left: _Left) -> None:
+    """Take an object, with some reflections, if what is left pays for all of that."""
+    if left.pays(choice, len(changes), -1):
+        choice.over_budget = False
+        choice.mirrors = [change.mirror for change in changes]
