@@ -15,6 +15,9 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, plan_channel, solve_paths
+from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
+from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
+from scarl_sionna.radar.channel.multipath import mirror_ends
 from scarl_sionna.radar.optics.edges.fresnel_ends import beyond_straight_end
 from tests.oracles.kirchhoff import share_of_half_plane
 from tests.scenes import Thing, ball, box, plane, write_scene
@@ -198,3 +201,27 @@ def test_a_plate_seen_over_the_end_of_a_wall_is_the_integral_over_it(tmp_path, m
     field = np.exp(-2j * np.pi / RADAR.wavelength * (there + back)) / (there**2 * back)
     expected = abs(np.sum(weight * field)) / abs(np.sum(field))
     assert 20.0 * np.log10(found[0] / found[1] / expected) == pytest.approx(0.0, abs=0.7)
+
+
+def test_weights_and_reaches_are_those_of_each_point_alone(ends, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points over 12 m of the wall and of its end, in any order, some dozen compared together."""
+    state = ends[0]
+    mirrors = find_mirrors(state, [1], np.zeros(3), RADAR.wavelength)
+    monkeypatch.setattr(mirror_ends, "_TOGETHER", 24)
+    monkeypatch.setattr(mirror_ends, "_COMPARED", 1)
+    view = MirrorView(state, RADAR, state.as_mount(Pose()), (), mirrors, MirrorSettings())
+    (number,) = (k for k, mirror in enumerate(mirrors) if abs(mirror.offset) == pytest.approx(WALL))
+    points = np.random.default_rng(3).uniform([-4.0, 1.0, -1.0], [14.8, 1.6, 1.0], (600, 3))
+    at = view.reflections(np.full((600, 1), number), points)
+    shown = np.flatnonzero(at.point[:, 0] < END + 0.05)
+    assert view.ends is not None
+    together = view.ends.weight(at.take(shown))
+    alone = np.concatenate([view.ends.weight(at.take(shown[k : k + 1])) for k in range(len(shown))])
+    np.testing.assert_allclose(together, alone, rtol=0.0, atol=1e-12)
+    assert np.ptp(np.abs(together)) > 0.3
+    reaches = view.ends.across(number, at)
+    single = [view.ends.across(number, at.take(np.arange(3 * k, 3 * k + 3))) for k in range(200)]
+    np.testing.assert_allclose(reaches, np.concatenate(single), rtol=0.0, atol=1e-9)
+    order = mirror_ends._side_by_side(at.point)
+    steps = [np.linalg.norm(np.diff(at.point[some], axis=0), axis=1).mean() for some in (order, np.arange(600))]
+    assert sorted(order) == list(range(600)) and steps[0] < 0.2 * steps[1]

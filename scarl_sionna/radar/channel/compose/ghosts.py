@@ -324,17 +324,17 @@ class Meshes:
         alone = {image.way[0].number for pair in images for image in pair if len(image.way) == 1}
         beside = {number: view.strips(number, corners, BOX_POINTS) for number in sorted(alone)}
         windows: dict[tuple[int, ...], Window | None] = {}  # one for each way, so that its tubes are traced once
-        for image in (image for pair in images for image in pair):
+
+        def viewpoint(image: Image) -> Viewpoint:
             way = tuple(mirror.number for mirror in image.way)
             if way not in windows:
                 windows[way] = self._window(view, image, beside)
+            return self._viewpoint(view, image, windows[way])
+
         found = []
         for tx, rx in images:
-            first, last = (
-                self._viewpoint(view, image, windows[tuple(mirror.number for mirror in image.way)])
-                for image in (tx, rx)
-            )
-            found.append(Pair(first, first if tx is rx else last, view.owned))
+            first = viewpoint(tx)
+            found.append(Pair(first, first if tx is rx else viewpoint(rx), view.owned))
         return found
 
     def _owner(self, view: MirrorView) -> npt.NDArray[np.int64]:

@@ -43,7 +43,7 @@ _TOGETHER = 128
 """Points that are compared with pieces of outlines together, more where these are few."""
 _COMPARED = 1 << 14
 """Points times pieces that are compared together."""
-CELL, _CELL_BITS = 0.25, 12
+_CELL, _CELL_BITS = 0.25, 12
 """Points are sorted by cells of this size [m], a kilometre of them, so that few pieces are near to all that are
 compared together."""
 IN_ONE_PLANE = 2e-3
@@ -261,7 +261,8 @@ class MirrorEnds:
         """Return the field of reflections over that of mirrors without end, shape (num_points,).
 
         Each point is taken to be on its mirror, or what lies in its plane beside it, unless a free edge is the nearest
-        and the point beyond it: there its field belongs to the mirror whose edge that is.
+        and the point beyond it: there its field belongs to the mirror whose edge that is. So the weight means nothing
+        where no mirror shows the point.
         """
         found = np.ones(len(at.mirror), dtype=np.complex128)
         for number, rows, some, near in self._pieces_near(at):
@@ -464,7 +465,7 @@ def _side_by_side(points: Array) -> Index:
 
     Of cells whose numbers have their bits interleaved.
     """
-    cell = np.floor((points - points.min(axis=0, initial=np.inf)) / CELL).astype(np.int64)
+    cell = np.floor((points - points.min(axis=0, initial=np.inf)) / _CELL).astype(np.int64)
     key = np.zeros(len(points), dtype=np.int64)
     for bit in range(_CELL_BITS):
         for axis in range(3):
