@@ -9,7 +9,7 @@ from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.compose.ghosts import Image, _legs
+from scarl_sionna.radar.channel.compose.ghosts import Image, _legs, _shown
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
 from tests.scenes import Thing, box, plane, write_scene
@@ -32,11 +32,11 @@ def test_from_one_image_as_from_two_at_one_place(tmp_path) -> None:
     mirrors = find_mirrors(state, [1], POSE.position, RADAR.wavelength)
     view = MirrorView(state, RADAR, state.as_mount(POSE), (2, 3), mirrors, DEFAULT_MIRRORS)
     image = Image(Pose([0.0, 0.0, -0.6]), (mirrors[0],))
-    there, back, seen = _legs(view, found, (image, image), cut=False)
-    apart = _legs(view, found, (image, Image(*image)), cut=False)
+    once, twice = (image, image), (image, Image(*image))
+    seen = _shown(view, found, once)
     assert 0.1 < seen.mean() < 0.95
-    np.testing.assert_array_equal(seen, apart[2])
-    for one, other in ((there, apart[0]), (back, apart[1])):
+    np.testing.assert_array_equal(seen, _shown(view, found, twice))
+    for one, other in zip(_legs(view, found, once), _legs(view, found, twice), strict=True):
         assert len(one.image) == found.num_paths
         for name, column in vars(one).items():
             np.testing.assert_allclose(column, getattr(other, name), rtol=1e-12, atol=1e-12)
