@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 import time
 import warnings
@@ -26,8 +25,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import scarl_sionna as ss
 from benchmarks.harness import ANY_COST, machine, write_block
 from benchmarks.street_scenes import PLACES
+from benchmarks.whole_street_figures import kept
 from benchmarks.whole_streets import RADAR, UNLIMITED, echoes
-from scarl_sionna.radar.channel.compose.choose import ENOUGH
 from scarl_sionna.radar.paths import RadarPaths
 
 REFERENCES = Path("docs/figures/data/place_references.jsonl")
@@ -60,11 +59,10 @@ def add_reference(place: str, when: float) -> None:
         file.write(json.dumps(line) + "\n")
 
 
-def kept(found: dict[str, float], reference: dict[str, float]) -> str:
+def error_of(found: dict[str, float], reference: dict[str, float]) -> str:
     """Return the error that 90 % of the objects keep that are 10 dB over the noise by a reference."""
-    strong = [name for name, level in reference.items() if level >= 10.0]
-    errors = sorted(abs(found[name] - reference[name]) for name in strong)
-    return f"{errors[math.ceil(ENOUGH * len(errors)) - 1]:.2f} of {len(errors)}"
+    errors = {name: found[name] - level for name, level in reference.items() if level >= 10.0}
+    return f"{kept({'error_db': errors}):.2f} of {len(errors)}"
 
 
 def row(place: str, when: float, reference: dict[str, float] | None) -> str:
@@ -72,7 +70,7 @@ def row(place: str, when: float, reference: dict[str, float] | None) -> str:
     paths, found, cpu = solved(place, when)
     said, predicted = paths.diagnostics, paths.diagnostics["predicted"]
     met = "yes" if said["met"] else f"no, {said['expected_error_db']:.1f} dB expected"
-    error = "" if reference is None else kept(found, reference)
+    error = "" if reference is None else error_of(found, reference)
     return (
         f"| {place} | {said['num_counted']} | {said['level_db']:g} | {met} | {error} | {said['num_by_class']} | "
         f"{predicted['tubes']:,.0f} | {paths.num_paths:,} | {predicted['cpu_seconds']:.1f} | {cpu:.1f} |"

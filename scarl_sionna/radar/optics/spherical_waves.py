@@ -373,8 +373,12 @@ class Tracer:
         angle = self.settings.return_angle
         if angle is None:
             return None
-        stations = np.array([rx.pose.position for rx in self.receivers])
-        return Return(self.rays, self.faces, self.chosen, stations, angle)
+        return Return(self.rays, self.faces, self.chosen, self._stations, angle)
+
+    @cached_property
+    def _stations(self) -> Array:
+        """Where the receivers stand, shape (num_receivers, 3) [m]."""
+        return np.array([rx.pose.position for rx in self.receivers])
 
     def _next(self, tubes: ImageTubes) -> Generator[Question, Any, ImageTubes]:
         """Return the footprints of the reflected tubes on what they meet next."""
@@ -394,8 +398,7 @@ class Tracer:
             return self._landed(tubes, image, tubes.corners, last, last)
         target = Landing(self.rays, self.faces, self.chosen, image, lift, last)
         if rest == 1:
-            stations = np.array([rx.pose.position for rx in self.receivers])
-            target = replace(target, stations=stations, angle=self.settings.return_angle)
+            target = replace(target, stations=self._stations, angle=self.settings.return_angle)
         corners, rows, plane = yield Cut((place, 3), tubes.corners, spacings, target, self.settings)
         met = plane != MISS
         return self._landed(tubes, image, corners[met], rows[met], self._of_plane[plane[met]])

@@ -284,7 +284,7 @@ class _Solve:
 
     def __init__(self, bodies: Bodies, pair: Pair) -> None:
         self.bodies, self.pair, self.clock = bodies, pair, time.perf_counter()
-        size, knobs = PatchSize.of(bodies.radar, bodies.knobs), bodies.knobs
+        self.size = size = PatchSize.of(bodies.radar, bodies.knobs)
         self.tracings: list[Shared] = []
         self.num_ended = 0
         self.near = NearField(
@@ -293,7 +293,7 @@ class _Solve:
             pair.tx,
             pair.rx,
             size.wavenumber,
-            knobs.integration_phase,
+            bodies.knobs.integration_phase,
             bodies.curves,
             size.duration,
             size.max_turn,
@@ -332,13 +332,11 @@ class _Solve:
         """Make the paths of all patches; the rows are gone then."""
         bodies, (tx, rx, _) = self.bodies, self.pair
         knobs, blocks = bodies.knobs, self.blocks
-        start = np.concatenate([self.bodies.faces.part[:0], *(one.start for one in self.tracings)])
+        start = np.concatenate([bodies.faces.part[:0], *(one.start for one in self.tracings)])
         num_tubes: Counter[int] = sum((one.tracer.count for one in self.tracings), Counter())
         if knobs.edge_diffraction and tx.window is None and rx.window is None:
             limit = knobs.max_patches
-            edges = EdgeView(
-                bodies.state, bodies.faces, bodies.rays, tx, rx, bodies.reach, PatchSize.of(bodies.radar, knobs), limit
-            )
+            edges = EdgeView(bodies.state, bodies.faces, bodies.rays, tx, rx, bodies.reach, self.size, limit)
             seen = np.unique(bodies.state.world.parts.instance[bodies.faces.part[start]]).tolist()
             blocks.append(edge_rows(edges, edges.pieces(seen, float(np.radians(knobs.crease_angle_deg)))))
         for depth in sorted(self.rough):

@@ -213,8 +213,7 @@ class PlaneProbe(Probe):
         super().__init__(rays)
         self._directions, self._lift = directions, rays.reals(lift)
         self._plane, self._own = rays.label(plane_of_face), None if own is None else rays.label(own)
-        self._receivers: Receivers | None = None
-        self._faces: tuple[DeviceArray, DeviceArray] | None = None
+        self._towards: tuple[Receivers, DeviceArray, DeviceArray] | None = None
         self._cosine: DeviceArray | None = None
 
     def only_towards(self, receivers: Receivers, normal: Array, offset: Array, angle: float | None = None) -> None:
@@ -229,7 +228,7 @@ class PlaneProbe(Probe):
             Planes of the faces.
         """
         rays = self.rays
-        self._receivers, self._faces = receivers, (rays.reals(normal), rays.reals(offset))
+        self._towards = receivers, rays.reals(normal), rays.reals(offset)
         self._cosine = None if angle is None else rays.real(float(np.cos(angle)))
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
@@ -240,8 +239,8 @@ class PlaneProbe(Probe):
         met = face != MISS
         if self._own is not None:
             met &= plane != dr.gather(mi.Int32, self._own, row)
-        if self._faces is not None and self._receivers is not None:
-            normals, offsets = self._faces
+        if self._towards is not None:
+            receivers, normals, offsets = self._towards
             normal = dr.gather(rays.Vector, normals, mi.UInt32(face), met)
             offset = dr.gather(rays.Real, offsets, mi.UInt32(face), met)
             slope = dr.dot(normal, ray)
@@ -253,5 +252,5 @@ class PlaneProbe(Probe):
                 lit = slope * (dr.dot(normal, station) - offset) < 0.0
                 return lit if cosine is None else lit & (dr.dot(onward, dr.normalize(station - end)) >= cosine)
 
-            met = self._receivers.is_any(row, met, is_towards)
+            met = receivers.is_any(row, met, is_towards)
         return dr.select(met, plane, MISS)
