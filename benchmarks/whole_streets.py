@@ -54,6 +54,8 @@ FINEST = {"field": 0.3, "street": 1.0}
 """Smallest tolerance asked for: the reference of the streets is not finer than the level of 0.3 dB."""
 REACH = {"field": 80.0, "street": WHOLE}
 PLAIN = SbrSettings(max_phase=1.0, integration_phase=0.1, max_depth=3)
+LONG = 20.0
+"""Calls that take longer are not repeated [s]: what a first call compiles, some 3 s, matters little there."""
 GONE_DB = 60.0
 """Stands for no echo at all."""
 
@@ -76,7 +78,7 @@ def echoes(paths: RadarPaths, numbers: list[int], radar: ss.RadarSpec = RADAR) -
 def timed(call: Callable[[], RadarPaths]) -> tuple[RadarPaths, float]:
     """Return the paths, and the processor time of the faster of two calls, of a long one that of the first [s]."""
     seconds: list[float] = []
-    while not seconds or (len(seconds) == 1 and seconds[0] < 5.0):
+    while not seconds or (len(seconds) == 1 and seconds[0] < LONG):
         start = time.process_time()
         paths = call()
         seconds.append(time.process_time() - start)
