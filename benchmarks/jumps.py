@@ -11,8 +11,8 @@ A plan changes if an object has another solver or is seen over other mirrors. Th
 and brought to one step by halving: one that is undone within them is not seen. Where weights of mirrors differ between
 two points of the grid, the step in which they change most is sought, too. Within a plan, echoes before and after single
 steps are compared at `PAIRS` random places of each move; what they differ by is the scene's own change and the
-solver's noise together. Where it is more than `LARGE_DB`, both states are solved again with the knobs of the reference
-of benchmarks/whole_streets.py (tubes within 2 rad of the way back), which say what the scene itself does.
+solver's noise together. Where it is more than `LARGE_DB`, both states are solved again at the finest level of `auto`,
+that of 0.3 dB, which says what the scene itself does.
 """
 
 from __future__ import annotations
@@ -35,11 +35,13 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import scarl_sionna as ss
 from benchmarks.harness import ANY_COST, machine, write_block
 from benchmarks.street_scenes import PLACES, Street, street
-from benchmarks.whole_streets import FINE, RADAR, UNLIMITED, echoes
+from benchmarks.whole_streets import RADAR, UNLIMITED, echoes
 from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.settings.auto import DEFAULT_AUTO
 from scarl_sionna.core.settings.plan import ChannelPlan
 from scarl_sionna.engine.world import WorldState
 from scarl_sionna.radar.channel import plan_channel, solve_paths
+from scarl_sionna.radar.channel.compose.budget import sbr_settings
 
 RESULTS = Path("docs/figures/data/jumps.jsonl")
 STEPS, GRID = 1000, 50
@@ -51,7 +53,7 @@ WEIGHT_STEP = 0.02
 """Weights that differ by less between two steps are not looked at: 0.35 dB of an echo that is all over mirrors."""
 LARGE_DB = 0.5
 """A jump above the reference's by more is one."""
-REFERENCE = FINE.with_(return_angle=2.0)
+REFERENCE = sbr_settings(DEFAULT_AUTO.levels[-1])
 COUNTED_DB = 10.0
 """Objects this far over the noise of a cell are counted."""
 
