@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.link import received_amplitude
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
+from scarl_sionna.signal.antenna import spherical_basis
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
 Array = npt.NDArray[np.float64]
@@ -64,11 +65,30 @@ def in_order(columns: Columns) -> Columns:
     return _taken(columns, order)
 
 
-def received(columns: Columns, radar: RadarSpec, tx: Pose, rx: Pose) -> Array:
-    """Return the amplitude that one antenna pair receives [sqrt(W)]."""
-    tx_vector = (columns["tx_point"] - tx.position) @ tx.rotation
-    rx_vector = (columns["rx_point"] - rx.position) @ rx.rotation
-    return np.abs(received_amplitude(columns["a"], tx_vector, rx_vector, radar))
+def received(columns: Columns, radar: RadarSpec, tx: Viewpoint, rx: Viewpoint) -> Array:
+    """Return the amplitude that one antenna pair receives [sqrt(W)], images by what their mirrors make of the antennas.
+
+    What mirrors lose is not taken off.
+    """
+    a = columns["a"]
+    (sent, of_tx), (heard, of_rx) = _about(tx, columns["tx_point"]), _about(rx, columns["rx_point"])
+    if of_tx is not None:
+        a = np.einsum("nij,nkj->nik", a, of_tx)
+    if of_rx is not None:
+        a = np.einsum("nij,njk->nik", of_rx, a)
+    return np.abs(received_amplitude(a, sent, heard, radar))
+
+
+def _about(station: Viewpoint, point: Array) -> tuple[Array, Array | None]:
+    """Return vectors to points about a station's antennas, and from polarisations about its pose to those about them.
+
+    The second is None where both are the same, (n, 2, 2) of an image.
+    """
+    away, frame, axes = point - station.pose.position, station.pose.rotation, station.axes
+    if axes is None:
+        return away @ frame, None
+    own = away @ axes
+    return own, np.einsum("nij,nkj->nik", spherical_basis(own), spherical_basis(away @ frame) @ (frame.T @ axes))
 
 
 def above_floor(

@@ -342,7 +342,7 @@ class _Solve:
         for depth in sorted(self.rough):
             blocks += _scattered(self.rough.pop(depth), knobs.seed, tx is rx)
         columns = joined(blocks, knobs.max_depth)
-        amplitude = received(columns, bodies.radar, tx.pose, rx.pose)
+        amplitude = received(columns, bodies.radar, tx, rx)
         diagnostics: dict[str, Any] = {
             "method": "sbr",
             "settings": knobs.model_dump(),
