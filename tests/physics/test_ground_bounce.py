@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks import ground_bounce as problem
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.channel import solve_paths
 from tests.oracles import two_ray as oracle
+from tests.scenes import Thing, ball, box, write_scene
 
 
 def test_the_foot_of_a_post_is_seen_over_the_road(tmp_path) -> None:
@@ -62,3 +64,68 @@ def test_two_ray_fading_of_a_car_is_that_of_image_theory(tmp_path) -> None:
         found = problem.by_auto(state, 0.3)  # at 1 dB the round body is up to 1.0 dB off, docs/accuracy.md
         assert found["road"]
         assert problem.error_db(found["power"], exact, free) < 0.5
+
+
+def _mixed_db(paths, number: int) -> float:
+    """Return the power of paths with one reflection before or after a body, mean over the band [dB]."""
+    some = paths.select((paths.instance == number).any(axis=1) & (paths.depth == 2))
+    frequency = problem.RADAR.center_frequency + np.linspace(-0.5, 0.5, 33) * problem.RADAR.sampled_bandwidth
+    wave = np.exp(-2j * np.pi * np.outer(some.length, frequency) / SPEED_OF_LIGHT)
+    field = (some.a[:, 0, 0, None] * wave).sum(axis=0)
+    return float(10.0 * np.log10(max(np.mean(np.abs(field) ** 2), 1e-30)))
+
+
+def _ball_db(radius: float, away: float, over: float) -> float:
+    """Return the power of both ways over one lossless mirror and back straight from a ball, by its cross section."""
+    mean = problem.RADAR.wavelength**2 * np.pi * radius**2 / ((4.0 * np.pi) ** 3 * away**2 * over**2)
+    return float(10.0 * np.log10(4.0 * mean))
+
+
+GROUNDS = {
+    "sag of 2 km in strips": (np.arange(-10.0, 60.0, 2.0), (-8.0, 8.0), lambda x, y: (x - 6.0) ** 2 / 4000.0),
+    "twist of 2 %": (np.arange(-10.0, 60.0, 2.0), np.linspace(-8.0, 8.0, 9), lambda x, y: 4e-4 * (x - 6.0) * y),
+    "waves of 5 mm": (
+        np.arange(-10.0, 60.0, 1.0),
+        np.linspace(-8.0, 8.0, 9),
+        lambda x, y: 0.005 * np.cos(0.1 * np.pi * (x - 6.0)) - 0.005,
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", GROUNDS)
+def test_a_ground_of_many_small_faces_has_its_bounce(tmp_path, kind: str) -> None:
+    """The faces of a road that is not quite flat are small, and the largest lie where nothing is."""
+    x, y, height = GROUNDS[kind]
+    points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    first = (np.arange(len(x) - 1)[:, None] * len(y) + np.arange(len(y) - 1)).ravel()
+    faces = np.concatenate(
+        [
+            np.stack([first, first + len(y), first + len(y) + 1], axis=1),
+            np.stack([first, first + len(y) + 1, first + 1], axis=1),
+        ]
+    )
+    road = trimesh.Trimesh(np.column_stack([points, height(*points.T)]), faces, process=False)
+    things = [
+        Thing("road", road, "Roads", "steel", is_object=False),
+        Thing("ball", ball(0.3, (12.0, 0.5, 0.9), 4), "Static", "steel"),
+    ]
+    state = problem.ss.load_scene(write_scene(tmp_path, things)).at(0.0)
+    pose = problem.ss.Pose([0.0, 0.0, 0.8])
+    plan = problem.ss.plan_channel(state, problem.RADAR, pose)
+    assert 1 <= len(plan.mirror_faces) <= 16  # those that matter, out of many
+    paths = solve_paths(state, problem.RADAR, pose, "auto")
+    away, over = np.linalg.norm([12.0, 0.5, 0.1]), np.linalg.norm([12.0, 0.5, 1.7])
+    assert _mixed_db(paths, 2) == pytest.approx(_ball_db(0.3, away, over), abs=1.0)
+
+
+@pytest.mark.parametrize("yaw_deg", [0.0, 40.0])
+def test_a_wall_ahead_shows_what_stands_before_it_from_behind(tmp_path, yaw_deg: float) -> None:
+    """The way over the wall leads back into the view of the radar, far off the axis between image and object."""
+    wall = box((0.2, 20.0, 6.0), (10.1, 0.0, 3.0))
+    things = [Thing("wall", wall, "Wall", "steel"), Thing("ball", ball(0.3, (5.0, 1.5, 0.8), 5), "Static", "steel")]
+    state = problem.ss.load_scene(write_scene(tmp_path, things)).at(0.0)
+    pose = problem.ss.Pose.from_euler([0.0, 0.0, 0.8], yaw=np.radians(yaw_deg))
+    paths = solve_paths(state, problem.RADAR, pose, "auto")
+    away, over = np.linalg.norm([5.0, 1.5, 0.0]), np.linalg.norm([15.0, -1.5, 0.0])
+    # physical optics forward of a ball ripples by a decibel
+    assert _mixed_db(paths, 2) == pytest.approx(_ball_db(0.3, away, over), abs=2.0)

@@ -202,6 +202,9 @@ class ChannelPlan(Described):
     mirrors : sequence of str or int
         Instances (names, ids or classes) that act as flat mirrors: `sionna` computes the chains of reflections between
         them, and the shares that ask for it are seen through them.
+    mirror_faces : sequence of int
+        Faces of the mirrors, rows of the table of all triangles of the state, whose flat regions are mirrors whatever
+        their size, beside the largest ``MirrorSettings.max_mirrors`` of all.
     echoes : bool
         Whether chains of mirrors only, from the radar back to itself, are computed.
     mirror_depth : int
@@ -233,12 +236,14 @@ class ChannelPlan(Described):
     sionna: Any = None
     left_out: tuple[Mapping[str, Any], ...] = field(default=())
     predicted: Mapping[str, float] = field(default_factory=dict)
+    mirror_faces: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         shares = (of_mapping(Share, share) if isinstance(share, Mapping) else share for share in self.shares)
         object.__setattr__(self, "shares", tuple(shares))
         object.__setattr__(self, "mirrors", tuple(self.mirrors))
         object.__setattr__(self, "left_out", tuple(self.left_out))
+        object.__setattr__(self, "mirror_faces", tuple(int(face) for face in self.mirror_faces))
         object.__setattr__(self, "sionna", _settings(SionnaSettings, self.sionna, "ChannelPlan.sionna"))
         for share in self.shares:
             if not isinstance(share, Share):
@@ -253,6 +258,7 @@ class ChannelPlan(Described):
         return {
             "shares": [share.to_dict(mode) for share in self.shares],
             "mirrors": list(self.mirrors),
+            "mirror_faces": list(self.mirror_faces),
             "echoes": self.echoes,
             "mirror_depth": self.mirror_depth,
             "chains": self.chains,

@@ -223,6 +223,7 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
         chains="images" if only_mirrors else "sionna",
         left_out=left_out(view, chosen, echoing),
         predicted=predicted,
+        mirror_faces=tuple(sorted({int(mirror.faces[0]) for choice in choices for mirror in choice.mirrors})),
     )
 
 

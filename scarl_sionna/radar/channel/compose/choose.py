@@ -29,13 +29,14 @@ from .budget import (
     Surface,
     SurfaceView,
     affordable_tubes,
+    box_points,
     num_tubes,
     sbr_settings,
     surface_distance,
 )
 from .left_out.reach import Boxes, Looker, MirrorWays, Reach
 from .mirror_legs import MirrorView
-from .mirrors import Mirror, find_mirrors
+from .mirrors import Mirror, faces_towards, find_mirrors
 from .reflections import changes, sights
 from .spend import Choice, num_pairs, num_ways, spend
 
@@ -86,7 +87,7 @@ class View:
 
     @cached_property
     def candidates(self) -> list[Mirror]:
-        """Large flat static faces."""
+        """Large flat static faces: the largest, and the largest of those over which a way leads to something."""
         rules = self.rules
         chosen = [
             item.number
@@ -98,10 +99,22 @@ class View:
         ]
         if not chosen:
             return []
-        knobs = self.settings.mirrors.with_(max_mirrors=rules.mirror_candidates)
-        found = find_mirrors(self.state, chosen, self.pose.position, self.radar.wavelength, knobs)
+        knobs, place = self.settings.mirrors.with_(max_mirrors=rules.mirror_candidates), self.pose.position
+        largest = find_mirrors(self.state, chosen, place, self.radar.wavelength, knobs)
+        found = largest
+        if len(largest) == rules.mirror_candidates:
+            flat = {self.instance(mirror) for mirror in largest}  # what has none of these is a body, not a mirror
+            served = [item for item in self.items if self._is_body(item) and item.number not in flat]
+            boxes = [box_points(self.state, item.number) for item in served if item.distance < self.reach]
+            grounds = flat | {item.number for item in self.items if item.number in chosen and not self._is_body(item)}
+            more = faces_towards(self.state, sorted(grounds), place, boxes, self.tail)[: rules.mirror_candidates]
+            found = find_mirrors(self.state, chosen, place, self.radar.wavelength, knobs, more)
         wide = [mirror for mirror in found if mirror.extent > rules.smallest_mirror]
         return [replace(mirror, number=place) for place, mirror in enumerate(wide)]
+
+    def _is_body(self, item: Estimate) -> bool:
+        """Return whether an item has an outline, so that mirrors show it."""
+        return item.is_coherent and item.info.is_object
 
     @cached_property
     def _seen(self) -> dict[int, SurfaceView]:

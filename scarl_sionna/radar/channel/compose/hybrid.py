@@ -296,7 +296,8 @@ class _Work:
 
     def mirrors_of(self, knobs: MirrorSettings) -> list[Mirror]:
         """Return the flat faces of the plan's mirrors."""
-        return find_mirrors(self.state, self.plan.mirrors, self.mount.pose.position, self.radar.wavelength, knobs)
+        faces, place = self.plan.plan.mirror_faces, self.mount.pose.position
+        return find_mirrors(self.state, self.plan.mirrors, place, self.radar.wavelength, knobs, faces)
 
     def ghosts(self, index: int) -> list[_Ghosts]:
         """Return which of a share's lit objects are seen over which mirrors."""

@@ -12,14 +12,19 @@ import numpy.typing as npt
 from scarl_sionna.core.arrays.rows import row_all, row_any, row_cross, row_min, row_norm
 from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS, MirrorSettings
 from scarl_sionna.engine.paths.tracing import mirror_extent
-from scarl_sionna.engine.rays.face_planes import face_table
+from scarl_sionna.engine.rays.face_planes import FaceTable, face_table
 from scarl_sionna.radar.channel.multipath.images import Chain
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
 
+_WIDE_BOX = 1.5
+"""Boxes that reach farther from their middle [m] are looked at more closely: decides the time, no accuracy."""
+_COMPARED = 1 << 18
+"""Planes and points that are compared in one piece: bounds the memory, changes no result."""
 PRESELECTION_MARGIN = 0.1
 """Mirrors' boxes are widened by this part of their extent where ways are sorted out before they are traced: decides no
 accuracy."""
@@ -82,6 +87,7 @@ def find_mirrors(
     position: Array,
     wavelength: float,
     knobs: MirrorSettings = DEFAULT_MIRRORS,
+    more: Sequence[int] | Index = (),
 ) -> list[Mirror]:
     r"""Return the flat regions of instances that are larger than the first Fresnel zone on them, the largest first.
 
@@ -94,29 +100,28 @@ def find_mirrors(
     wavelength : float
         [m].
     knobs : MirrorSettings
+        Its `max_mirrors` is how many are found beside those of `more`.
+    more : sequence of int
+        Faces, rows of the table of faces: the regions that hold one of them are found, too, behind the others.
 
     Notes
     -----
     The zone is that of a scatterer as far behind the mirror as the radar is before it, at the mirror's nearest corner:
     ``sqrt(2 wavelength d)``. Nearer scatterers have a smaller one.
     """
-    faces = face_table(state)
+    planes = _Planes.of(state, instances, position)
+    faces, chosen, group, corners = planes.table, planes.face, planes.group, planes.corners
     triangles = faces.triangles
     found: list[Mirror] = []
-    chosen = np.flatnonzero(np.isin(state.world.parts.instance, instances)[faces.part])
-    chosen = chosen[row_any(triangles.normal[chosen])]
-    _, group = np.unique(faces.plane[chosen], return_inverse=True)
-    corners = triangles.corners[chosen]
-    area = row_norm(row_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) / 2.0
-    total = np.bincount(group, area)
-    distance = row_min(row_norm(corners - position))
-    nearest = np.full(len(total), np.inf)
-    np.minimum.at(nearest, group, distance)
-    zone = np.sqrt(2.0 * wavelength * nearest)
+    zone = np.sqrt(2.0 * wavelength * planes.nearest)
     taken, of_part = np.zeros(len(chosen), dtype=np.bool_), faces.part[chosen]
-    for number in np.flatnonzero(total >= zone**2)[np.argsort(-total[total >= zone**2], kind="stable")]:
-        if len(found) == knobs.max_mirrors:
-            break
+    large = planes.area >= zone**2
+    named = np.isin(np.arange(len(zone)), group[np.isin(chosen, more)])
+    by_size = np.argsort(-planes.area, kind="stable")
+    by_size = by_size[large[by_size]]
+    for number in [*by_size, *by_size[named[by_size]]]:
+        if len(found) >= knobs.max_mirrors and not named[number]:
+            continue
         if taken[member := group == number].all():
             continue
         first = chosen[member][0]
@@ -130,6 +135,94 @@ def find_mirrors(
         rows = chosen[near[flat]]
         found.append(Mirror(len(found), part, rows, normal, offset, triangles.corners[rows].reshape(-1, 3), extent))
     return found
+
+
+def faces_towards(
+    state: WorldState, instances: Sequence[int], position: Array, boxes: Sequence[Array], tail: float = 0.0
+) -> Index:
+    """Return a face of each plane of some instances over which a way may lead into some boxes, the largest first.
+
+    Parameters
+    ----------
+    state : WorldState
+    instances : sequence of int
+    position : ndarray of float64, shape (3,)
+        Radar [m, world].
+    boxes : sequence of ndarray of float64, shape (num_points, 3)
+        Points of each, its corners among them [m, world].
+    tail : float
+        That of :func:`beyond_ends`.
+
+    Returns
+    -------
+    ndarray of int64, shape (num_planes,)
+        Rows of the table of faces.
+    """
+    planes = _Planes.of(state, instances, position)
+    if not boxes or not len(planes.area):
+        return planes.first[:0]
+    found = np.zeros(len(planes.area), dtype=np.bool_)
+    centers = np.array([(box.min(axis=0) + box.max(axis=0)) / 2.0 for box in boxes])
+    reach = np.array([np.linalg.norm(np.ptp(box, axis=0)) / 2.0 for box in boxes])
+    wide = np.flatnonzero(reach > _WIDE_BOX)  # by their middle and corners, with half of the reach
+    reach[wide] /= 2.0
+    points = np.concatenate([centers, *(boxes[number] for number in wide)])
+    radius = np.concatenate([reach, *(np.full(len(boxes[number]), reach[number]) for number in wide)])
+    own = planes.normal @ position - planes.offset
+    step = max(_COMPARED // len(points), 1)
+    for some in (slice(first, first + step) for first in range(0, len(found), step)):
+        normal, before = planes.normal[some], own[some, None]
+        behind = normal @ points.T - planes.offset[some, None]
+        before, behind = np.abs(before), np.maximum(behind * np.sign(before), 0.0)
+        flat = points - behind[..., None] * (normal * np.sign(own[some, None]))[:, None]
+        foot = position - own[some, None, None] * normal[:, None]
+        share = before / np.maximum(before + behind, 1e-9)
+        at = foot + share[..., None] * (flat - foot)
+        there, back = row_norm(at - position), row_norm(points - at)
+        unit = np.sqrt(there * back / (2.0 * np.maximum(there + back, 1e-9))) * there / np.maximum(before, 1e-9)
+        lower, upper = planes.lower[some, None], planes.upper[some, None]
+        margin = (np.maximum(PRESELECTION_MARGIN * row_norm(upper - lower), tail * unit) + radius)[..., None]
+        found[some] = row_any(row_all((at >= lower - margin) & (at <= upper + margin)))
+    order = np.argsort(-planes.area, kind="stable")
+    return planes.first[order[found[order]]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Planes:
+    """The faces of some instances by their planes.
+
+    `face`, `group` and `corners` have a row for each face, the rest one for each plane: its first face, area [m2],
+    distance from the radar [m], normal, offset, and box [m].
+    """
+
+    table: FaceTable
+    face: Index
+    group: Index
+    corners: Array
+    first: Index
+    area: Array
+    nearest: Array
+    normal: Array
+    offset: Array
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(cls, state: WorldState, instances: Sequence[int], position: Array) -> _Planes:
+        table = face_table(state)
+        triangles = table.triangles
+        face = np.flatnonzero(np.isin(state.world.parts.instance, instances)[table.part])
+        face = face[row_any(triangles.normal[face])]
+        _, start, group = np.unique(table.plane[face], return_index=True, return_inverse=True)
+        corners = triangles.corners[face]
+        area = row_norm(row_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) / 2.0
+        nearest, lower, upper = (np.full((len(start), *shape), np.inf) for shape in ((), (3,), (3,)))
+        np.minimum.at(nearest, group, row_min(row_norm(corners - position)))
+        np.minimum.at(lower, group, corners.min(axis=1))
+        np.minimum.at(upper, group, -corners.max(axis=1))
+        first = face[start]
+        plane = triangles.normal[first], triangles.offset[first]
+        return cls(table, face, group, corners, first, np.bincount(group, area), nearest, *plane, lower, -upper)
 
 
 def ways(mirrors: Sequence[Mirror], depth: int) -> Iterator[Way]:
