@@ -45,6 +45,7 @@ def test_every_number_cites_its_chart(path: str, text: str) -> None:
 
 NEW = {
     "auto.too_near": 2.5,
+    "auto.carrier_near": 2.5,
     "auto.mirror_classes": ["Wall"],
     "mirrors.max_mirrors": 3,
     "raycast.cells_per_resolution": 1.0,

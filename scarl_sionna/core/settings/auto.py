@@ -274,10 +274,15 @@ class AutoSettings(Spec):
         "resolution cell",
     )
     too_near: Metres = Field(
+        0.2,
+        ge=0.0,
+        description="what stands nearer than this fills the radar's view: left to 'raycast' [m]; down to there 'auto' "
+        "is 'sbr' within 0.4 dB of itself four times as fine, docs/accuracy.md",
+    )
+    carrier_near: Metres = Field(
         1.0,
         ge=0.0,
-        description="what stands nearer than this carries the radar, or fills its view: left to 'raycast' [m]; not "
-        "charted",
+        description="the same for the actor that carries the radar, whose body it looks along [m]; not charted",
     )
     smallest_body: Wavelengths = Field(
         SMALLEST_SIZE,

@@ -183,11 +183,16 @@ class View:
 
     def nearest(self, item: Estimate) -> float:
         """Return the distance of an item: of its box, where that is near or holds the radar of its surface [m]."""
-        if item.distance >= self.rules.too_near:
+        if item.distance >= self.too_near(item):
             return item.distance
         if item.number not in self._nearest:
             self._nearest[item.number] = surface_distance(self.state, item.number, self.pose.position)
         return max(self._nearest[item.number], item.distance)
+
+    def too_near(self, item: Estimate) -> float:
+        """Return how near an item is left to `raycast` [m]."""
+        is_carrier = item.info.actor is not None and item.info.actor == self.mount.actor
+        return self.rules.carrier_near if is_carrier else self.rules.too_near
 
 
 def level_of(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrLevel:
@@ -366,7 +371,7 @@ def _one(view: View, item: Estimate) -> Choice:
         return Choice(item, "out of view", "out of the field of view or of range")
     if item.bound_db < floor and (most := view.bound_db(item)) < floor:
         return Choice(item, "left out", f"at most {most:.0f} dB from the noise of a cell")
-    if view.nearest(item) < rules.too_near:
+    if view.nearest(item) < view.too_near(item):
         return Choice(item, "raycast", AT_RADAR)
     if item.name in view.models:
         model, toward = view.models[item.name], _toward(view.state, item, view.pose)
