@@ -183,7 +183,7 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
         for shard in range(-(-scenario.num_frames // settings.options.shard_frames))
     ]
     target = folder.target.url if isinstance(folder, RemoteFolder) else None
-    report = ExportReport(folder.root, 0, address=target or "")
+    report = ExportReport(folder.given, 0, address=target or "")
     jobs = []
     root = output_root(folder.root)
     for name, shard in shards_of_part(keys, settings.part):

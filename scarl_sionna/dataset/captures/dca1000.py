@@ -73,7 +73,7 @@ def read_dca1000_capture(
     UnknownNameError, ParameterRangeError
         If there is no such board, or the array has too few antennas.
     """
-    place = Path(path)
+    place = Path(path).absolute()
     folder = place if place.is_dir() else place.parent
     if config is None and (folder / DESCRIPTION).exists():
         return _exported(folder / DESCRIPTION)

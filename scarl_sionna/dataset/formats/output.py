@@ -53,6 +53,7 @@ def whole_folder(out: str | Path, mark: Mapping[str, Any], overwrite: bool = Fal
             raise OutputError(f"{out} is there; choose another folder or overwrite (--overwrite)")
         else:
             _check_own(out)
+    out = out.absolute()  # the same place after `os.chdir`
     partial = partial_path(out)
     with _typed(out):
         shutil.rmtree(partial, ignore_errors=True)
@@ -127,6 +128,7 @@ def whole_output_file(out: str | Path, overwrite: bool, is_ours: Callable[[Path]
         raise OutputError(f"{out} is there; choose another file or overwrite (--overwrite)")
     if out.exists() and not is_ours(out):
         raise OutputError(f"{out} was not written by this exporter and is kept; choose another file, or move it away")
+    out = out.absolute()  # the same place after `os.chdir`
     partial = partial_path(out)
     with _typed(out):
         out.parent.mkdir(parents=True, exist_ok=True)

@@ -50,7 +50,7 @@ def read_nuscenes_points(path: str | Path, *, only_valid: bool = True) -> PointT
     InputFileError
         If there is no file, or one is damaged or of other fields.
     """
-    place = Path(path)
+    place = Path(path).absolute()
     files = [place] if place.is_file() else sorted([*place.glob("*.pcd"), *place.glob("*/*.pcd")])
     if not files:
         raise InputFileError("has no .pcd file, nor has a folder in it", place)

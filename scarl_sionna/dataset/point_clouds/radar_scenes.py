@@ -68,7 +68,7 @@ def read_radar_scenes_points(path: str | Path) -> PointTable:
     MissingPackageError
         If h5py is not installed.
     """
-    folder = Path(path)
+    folder = Path(path).absolute()
     scenes = _scenes(folder / "scenes.json")
     rows = _table(folder / "radar_data.h5")
     scan, sensor, time = (np.full(len(rows), NO_OBJECT), np.zeros(len(rows), np.int64), np.full(len(rows), np.nan))

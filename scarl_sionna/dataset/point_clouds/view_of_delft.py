@@ -43,7 +43,7 @@ def read_view_of_delft_points(path: str | Path, *, only_latest: bool = True) -> 
     InputFileError
         If there is no file, or one is damaged.
     """
-    place = Path(path)
+    place = Path(path).absolute()
     files = [place] if place.is_file() else sorted(place.glob("*.bin"))
     if not files:
         raise InputFileError("has no .bin file", place)

@@ -18,7 +18,7 @@ from scarl_sionna.core.results import Frame, ObjectState, SensorResult
 from scarl_sionna.core.spec import FieldValue, Spec
 from scarl_sionna.dataset.encoding import mount_today, spec_of
 from scarl_sionna.dataset.store.archives import ArchivedFiles, archived_files
-from scarl_sionna.dataset.store.files import Files, open_files
+from scarl_sionna.dataset.store.files import Files, absolute_place, open_files
 from scarl_sionna.dataset.store.manifest import (
     ARRAYS,
     BACKUP,
@@ -59,7 +59,7 @@ class Dataset(Described, Sequence["StoredFrame"]):
     """
 
     def __init__(self, place: str | Path) -> None:
-        self.place = str(place)
+        self.place = absolute_place(place)
         self.files: Files = open_files(place)
         try:
             self.manifest, self.manifest_fault = recover_manifest(self.files)

@@ -62,8 +62,8 @@ class LocalFiles:
     """A folder of this machine."""
 
     def __init__(self, root: str | Path) -> None:
-        self.root = Path(root)
-        self.url = str(root)
+        self.root = Path(root).absolute()  # the same folder after `os.chdir`
+        self.url = str(self.root)
         self._real = os.path.realpath(self.root)
         self._checked: set[str] = set()
 
@@ -264,6 +264,12 @@ def read_small(files: Files, name: str) -> bytes:
     if len(data) > MOST_JSON_BYTES:
         raise DatasetError(f"{name} has more than {MOST_JSON_BYTES} bytes", files.url, "do not trust this dataset")
     return data
+
+
+def absolute_place(place: str | Path) -> str:
+    """Return a folder's path, or an address, so that it means the same in another working folder."""
+    text = os.fspath(place)
+    return text if _URL.match(text) else str(Path(text).absolute())
 
 
 def open_files(place: str | Path) -> Files:

@@ -67,7 +67,7 @@ class ShardWriter:
         configuration: str,
         lock_timeout: float = 120.0,
     ) -> None:
-        self.root, self.scene, self.shard, self.options = Path(root), scene, shard, options
+        self.root, self.scene, self.shard, self.options = Path(root).absolute(), scene, shard, options
         self.work = _work(self.root, scene.name, shard)
         self.frames = scene.shard_range(shard, options)
         self.configuration = configuration

@@ -75,6 +75,11 @@ class DatasetFolder:
     repair : bool
         Leave what is not ours where it is, also in the place of the card.
 
+    Attributes
+    ----------
+    given : Path
+        The folder as the caller names it, for messages.
+
     Raises
     ------
     OutputError
@@ -92,7 +97,9 @@ class DatasetFolder:
         part: str | None = None,
         repair: bool = False,
     ) -> None:
-        self.root, self.plan, self.overwrite, self.part, self.repair = Path(root), plan, overwrite, part, repair
+        self.given = Path(root)
+        self.root = self.given.absolute()  # the same folder after `os.chdir`
+        self.plan, self.overwrite, self.part, self.repair = plan, overwrite, part, repair
         self.rows: dict[str, list[Row]] = {}
         self._stack = ExitStack()
 

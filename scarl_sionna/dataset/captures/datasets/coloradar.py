@@ -70,7 +70,7 @@ def read_coloradar_capture(
     UnknownNameError
         If there is no such device.
     """
-    run = Path(path)
+    run = Path(path).absolute()
     device = _device(run, device)
     folder = _calibration(run, calib) / device
     setup, coupled = _setup(folder / "waveform_cfg.txt"), (folder / "coupling_calib.txt").exists()

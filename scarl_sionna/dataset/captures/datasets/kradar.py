@@ -90,7 +90,7 @@ def read_kradar_capture(path: str | Path, *, axes: str | Path | None = None) -> 
     InputFileError
         If a file is missing, damaged, too large, or no such tensor.
     """
-    folder = Path(path)
+    folder = Path(path).absolute()
     inner = folder / "radar_tesseract"
     files = list(numbered(inner if inner.is_dir() else folder, "tesseract_", ".mat").values())
     along = PUBLISHED if axes is None else _axes(Path(axes))

@@ -71,7 +71,7 @@ def read_carrada_capture(path: str | Path, *, window: str = "rect") -> MapCaptur
     InputFileError
         If a file is missing, damaged, or no such tensor.
     """
-    folder = Path(path)
+    folder = Path(path).absolute()
     inner = folder / "RAD_numpy"
     return _capture("carrada", _files(inner if inner.is_dir() else folder), window, ())
 
@@ -95,7 +95,7 @@ def read_raddet_capture(path: str | Path, *, window: str = "rect") -> MapCapture
     InputFileError
         If a file is missing, damaged, or no such tensor.
     """
-    return _capture("raddet", _files(Path(path)), window, (AS_CARRADA,))
+    return _capture("raddet", _files(Path(path).absolute()), window, (AS_CARRADA,))
 
 
 def read_raddet_adc_capture(path: str | Path, *, full_scale_dbm: float | None = None) -> Capture:
@@ -118,7 +118,7 @@ def read_raddet_adc_capture(path: str | Path, *, full_scale_dbm: float | None = 
     InputFileError
         If a file is missing, damaged, or no such array of whole numbers.
     """
-    radar, files = raddet_radar(), _files(Path(path))
+    radar, files = raddet_radar(), _files(Path(path).absolute())
     if full_scale_dbm is not None:
         radar = radar.with_(full_scale_dbm=full_scale_dbm)
     _complex(files[0], (NUM_RANGE, NUM_CHANNELS, NUM_DOPPLER))

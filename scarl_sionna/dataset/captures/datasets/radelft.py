@@ -67,7 +67,7 @@ def read_radelft_capture(
     MissingPackageError
         If a calibration is given and h5py is not installed.
     """
-    folder = Path(path)
+    folder = Path(path).absolute()
     description = _description(folder, config)
     setup = read_cascade(description)
     if setup.is_real:

@@ -69,7 +69,7 @@ def read_radial_capture(
     ParameterRangeError
         If the array has another number of antennas.
     """
-    folder = Path(path)
+    folder = Path(path).absolute()
     log = _single(folder, "*_events_log.rec")
     radar = RadarSpec.preset("radial_hd").with_(multiplexing=Ddm(num_empty_bands=16 - len(BANDS), bands=BANDS))
     if array is not None:
