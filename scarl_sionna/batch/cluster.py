@@ -19,6 +19,7 @@ from scarl_sionna.core.packages import require
 from scarl_sionna.dataset.store.manifest import MANIFEST
 
 from .job import OnEvent, ShardJob, ShardReport, make_shard
+from .noted import LOG, log_lines
 
 if TYPE_CHECKING:
     from distributed import Client, Worker
@@ -84,6 +85,8 @@ def _reports(
     try:
         for future in running:
             report: ShardReport = future.result()
+            for line in report.log:
+                LOG.warning("%s", line)
             for text in report.warnings:
                 warnings.warn(text, ScarlWarning, stacklevel=2)
             yield report
@@ -133,13 +136,13 @@ def work(job: ShardJob, threads: int | None) -> ShardReport:
             worker.log_event(TOPIC, data)
 
     try:
-        with warnings.catch_warnings(record=True) as caught:
+        with warnings.catch_warnings(record=True) as caught, log_lines() as lines:
             warnings.simplefilter("always", ScarlWarning)
             report = make_shard(job, tell)
     except ScarlError as error:
         raise portable(error) from None
-    texts = dict.fromkeys(str(item.message) for item in caught if issubclass(item.category, ScarlWarning))
-    return replace(report, warnings=tuple(texts))
+    texts = (str(item.message) for item in caught if issubclass(item.category, ScarlWarning))
+    return replace(report, warnings=tuple(texts), log=tuple(lines))
 
 
 def portable(error: ScarlError) -> ScarlError:

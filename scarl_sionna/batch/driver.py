@@ -20,11 +20,10 @@ from scarl_sionna.dataset.store.writer import DatasetFolder
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
 from .job import OnError, OnEvent, ShardJob, ShardReport, forget_worlds, ignore, make_shard, output_root
+from .noted import LOG, noted_warnings
 from .plan import ExportPlan, plan_export, shards_of_part
 from .report import ExportReport
 from .stop import stoppable
-
-_log = logging.getLogger("scarl_sionna.batch")
 
 
 @dataclass(frozen=True)
@@ -123,17 +122,21 @@ def _export(
 ) -> ExportReport:
     started = perf_counter()
     clear_stale()  # here, too: an export that finds all of it finished, or its scene loaded, makes no folder of its own
-    plan = plan_export(scenarios, settings.options, settings.licence, settings.description, settings.plan_file)
+    planning: list[str] = []
+    with noted_warnings(planning.append):
+        plan = plan_export(scenarios, settings.options, settings.licence, settings.description, settings.plan_file)
     part = None if settings.part is None else f"{settings.part[0]}_of_{settings.part[1]}"
     with _folder(out, plan, settings, part) as folder, _log_file(folder.root):
+        for text in planning:
+            LOG.warning("planning: warning: %s", text)
         jobs, report = _jobs(plan, folder, settings)
         on_event("plan", {"frames": report.num_frames, "done": report.num_kept, "shards": len(jobs)})
-        _log.info("%d frames, %d there, %d shards to make", report.num_frames, report.num_kept, len(jobs))
+        LOG.info("%d frames, %d there, %d shards to make", report.num_frames, report.num_kept, len(jobs))
         try:
             for shard in run_jobs(jobs, settings, on_event):
                 report.add(shard)
                 on_event("shard", {"scene": shard.scene, "shard": shard.shard, "bytes": shard.num_bytes})
-                _log.info(
+                LOG.info(
                     "%s shard %d: %d made, %d kept, %d failed",
                     shard.scene,
                     shard.shard,
@@ -142,7 +145,7 @@ def _export(
                     len(shard.failed),
                 )
         except BaseException as error:
-            _log.error("stopped: %s: %s", type(error).__name__, error)
+            LOG.error("stopped: %s: %s", type(error).__name__, error)
             if isinstance(error, KeyboardInterrupt):
                 forget_worlds()
             with suppress(ScarlError, OSError):
@@ -150,7 +153,7 @@ def _export(
             raise
         folder.finalize()
         report.wall_seconds = perf_counter() - started
-        _log.info("%s", report)
+        LOG.info("%s", report)
     return report
 
 
@@ -223,14 +226,14 @@ def _log_file(root: Path) -> Iterator[None]:
         ) from error
     handler.setFormatter(logging.Formatter(f"%(asctime)s {os.getpid()} %(levelname)s %(message)s"))
     handler.handleError = lambda record: None  # type: ignore[method-assign]  # a full disk stops the export, not its log
-    level = _log.level
-    _log.addHandler(handler)
-    _log.setLevel(logging.INFO)
+    level = LOG.level
+    LOG.addHandler(handler)
+    LOG.setLevel(logging.INFO)
     try:
         yield
     finally:
-        _log.removeHandler(handler)
-        _log.setLevel(level)
+        LOG.removeHandler(handler)
+        LOG.setLevel(level)
         with suppress(OSError):
             handler.close()
 

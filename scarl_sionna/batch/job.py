@@ -5,7 +5,6 @@ Simulate what is missing, compress and keep it meanwhile, put it in place.
 
 from __future__ import annotations
 
-import logging
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -26,6 +25,7 @@ from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.simulation import load_world, observe
 
+from .noted import LOG, logged_warnings
 from .stop import check
 
 if TYPE_CHECKING:
@@ -37,7 +37,6 @@ OnEvent = Callable[[str, dict[str, Any]], None]
 failed)."""
 
 _AHEAD = 2  # frames that wait to be compressed: more would only take memory
-_log = logging.getLogger("scarl_sionna.batch")
 
 
 @dataclass(frozen=True)
@@ -82,8 +81,8 @@ class ShardReport:
     seconds : mapping of str to float
         By stage: those of the sensors, ``scene`` (loading), ``encoding`` (CPU time of the threads that compress),
         ``keeping`` (writing the finished frames), ``waiting`` (simulation held up by the two), ``putting in place``.
-    warnings : tuple of str
-        Those of a worker, for this process to show.
+    warnings, log : tuple of str
+        Of a worker: warnings for this process to show, and lines for the export's log.
     """
 
     scene: str
@@ -94,6 +93,7 @@ class ShardReport:
     num_bytes: int
     seconds: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    log: tuple[str, ...] = ()
 
 
 def ignore(kind: str, data: dict[str, Any]) -> None:
@@ -123,19 +123,21 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
             started = perf_counter()
             if job.is_planned_before:
                 _check_plan(job)
-            world = _world(scenario)
+            with logged_warnings(job.scene.name):
+                world = _world(scenario)
             _add(seconds, "scene", perf_counter() - started)
         with FrameSink(shard, job.options, on_event, seconds) as sink:
             for index in missing:
                 try:
-                    frame = observe(
-                        world,
-                        rig,
-                        scenario.start_time + index / scenario.frame_rate,
-                        scenario.seed,
-                        index=index,
-                        on_stage=_stages(job.scene.name, index, on_event),
-                    )
+                    with logged_warnings(f"frame {index} of {job.scene.name}"):
+                        frame = observe(
+                            world,
+                            rig,
+                            scenario.start_time + index / scenario.frame_rate,
+                            scenario.seed,
+                            index=index,
+                            on_stage=_stages(job.scene.name, index, on_event),
+                        )
                 except Exception as error:
                     check(error)
                     _fail(job, shard, index, error, on_event)
@@ -302,7 +304,7 @@ def _fail(job: ShardJob, shard: ShardWriter, index: int, error: Exception, on_ev
             "and --on-error record goes on "
             "without it"
         ) from error
-    _log.warning("frame %d of %s failed: %s", index, job.scene.name, reason, exc_info=error)
+    LOG.warning("frame %d of %s failed: %s", index, job.scene.name, reason, exc_info=error)
     shard.fail(index, reason)
     on_event("frame", {"scene": job.scene.name, "frame": index, "failed": reason, "bytes": 0, "seconds": 0.0})
 

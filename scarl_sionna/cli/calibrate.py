@@ -26,7 +26,7 @@ def calibrate(
     ),
 ) -> None:
     """Estimate radio material parameters from measurements, with intervals and a report."""
-    with reported(context, "nothing was written"), collected_warnings():
+    with reported(context, "nothing was written"), collected_warnings(context):
         columns = (TextColumn("starts"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))
         with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:
             task = progress.add_task("calibrate", total=None)

@@ -1,7 +1,8 @@
-"""What all commands share: one message for a mistake, warnings in one line."""
+"""What all commands share: one message for a mistake, a line for each kind of warning."""
 
 from __future__ import annotations
 
+import re
 import signal
 import warnings
 from collections.abc import Callable, Iterable, Iterator
@@ -18,6 +19,8 @@ EXIT_INCOMPLETE = EXIT_DAMAGED = 1
 EXIT_ERROR = 2
 EXIT_UNFINISHED = 3
 EXIT_SIGNAL = 128
+MOST_KINDS = 10
+"""Kinds of warnings that a command prints."""
 
 
 @contextmanager
@@ -34,18 +37,56 @@ def reported(context: typer.Context, interrupted: str) -> Iterator[None]:
 
 
 @contextmanager
-def collected_warnings() -> Iterator[None]:
-    """Collect the project's warnings of a block, and print the first one and how many more there are."""
+def collected_warnings(context: typer.Context) -> Iterator[None]:
+    """Collect the project's warnings of a block, and print each kind of them once at its end, however it ends.
+
+    With ``--debug`` each text is a kind. Progress bars go inside of the block: what is printed would cut through them.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ScarlWarning)
-        yield
+        try:
+            yield
+        finally:
+            texts = [str(item.message) for item in caught if issubclass(item.category, ScarlWarning)]
+            for line in warning_lines(texts, all_of_them=bool(context.obj and context.obj["debug"])):
+                typer.echo(line, err=True)
     for item in caught:
         if not issubclass(item.category, ScarlWarning):
             warnings.warn_explicit(item.message, item.category, item.filename, item.lineno)
-    messages = [str(item.message) for item in caught if issubclass(item.category, ScarlWarning)]
-    if messages:
-        more = f" (and {len(messages) - 1} more warnings)" if len(messages) > 1 else ""
-        typer.echo(f"warning: {messages[0]}{more}", err=True)
+
+
+def warning_lines(texts: Iterable[str], all_of_them: bool = False) -> list[str]:
+    """Return a line for each kind of some warnings, with how many there are.
+
+    Texts that are the same up to numbers and names are of one kind, and the first of them is shown; of more than
+    `MOST_KINDS` kinds the rest is counted. With `all_of_them` every text is shown, once.
+    """
+    kinds: dict[str, list[str]] = {}
+    for text in texts:
+        kinds.setdefault(text if all_of_them else _kind(text), []).append(text)
+    lines = []
+    for alike in kinds.values():
+        others = sum(text != alike[0] for text in alike)
+        more = f" ({len(alike)} times)" if len(alike) > 1 else ""
+        if others:
+            more = f" (and {len(alike) - 1} more of this kind; --debug shows all)"
+        lines.append(f"warning: {alike[0]}{more}")
+    if all_of_them or len(lines) <= MOST_KINDS:
+        return lines
+    rest = [len(alike) for alike in list(kinds.values())[MOST_KINDS:]]
+    return [
+        *lines[:MOST_KINDS],
+        f"warning: {sum(rest)} more warnings of {len(rest)} other kinds; --debug shows all",
+    ]
+
+
+def _kind(text: str) -> str:
+    """Return a text without its numbers and names: what is in quotes, and words with digits, slashes and underscores.
+
+    Lists of names of different lengths are the same.
+    """
+    bare = re.sub(r"\S*[\d/_]\S*", "#", re.sub(r"'[^']*'", "#", text))
+    return re.sub(r"#(?:(?:,| and|, and)? #)+", "#", bare)
 
 
 def completing(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:

@@ -133,7 +133,8 @@ def export(
 
     However it was stopped, the same command goes on where it was; the bytes do not depend on the number of workers.
     """
-    with reported(context, f"go on with the same command; finished frames are kept in {out}"):
+    kept = f"go on with the same command; finished frames are kept in {out}"
+    with reported(context, kept), collected_warnings(context):
         single, grid = chosen.divided()
         specs = job.sweep(grid).apply(single.apply(scenario_of(text)) for text in scenarios)
         settings = _settings(job, stored)
@@ -143,8 +144,7 @@ def export(
             from scarl_sionna.batch.estimate import estimate
             from scarl_sionna.batch.plan import plan_export
 
-            with collected_warnings():
-                typer.echo(str(estimate(plan_export(specs, settings.options, plan_file=job.plan), out, settings)))
+            typer.echo(str(estimate(plan_export(specs, settings.options, plan_file=job.plan), out, settings)))
             return
         report = _export(specs, out, settings)
         typer.echo(str(report))
@@ -188,7 +188,7 @@ def verify(
 
     Exit code 0: whole and complete; 1: damaged; 2: no dataset; 3: whole, not complete.
     """
-    with reported(context, "not all was checked"):
+    with reported(context, "not all was checked"), collected_warnings(context):
         from scarl_sionna.dataset.findings import describe
         from scarl_sionna.dataset.verify import verify as check
 
@@ -234,7 +234,7 @@ def preview(
     strip: Annotated[bool, typer.Option(help="Scenario: render the ego vehicle's view five times, too.")] = True,
 ) -> None:
     """Draw a dataset's frame as a contact sheet, or a scenario from above as an animation with a strip of renders."""
-    with reported(context, "nothing was written"):
+    with reported(context, "nothing was written"), collected_warnings(context):
         if not _is_scenario(target):
             if chosen.says_anything:
                 raise ParameterRangeError(
@@ -336,8 +336,7 @@ def _export(scenarios: list[ScenarioSpec], out: str, settings: ExportSettings) -
         from scarl_sionna.batch import export as run  # takes seconds: under the bar
 
         show = _Display(progress, task)
-        with collected_warnings():
-            return run(scenarios, out, settings, on_event=show)
+        return run(scenarios, out, settings, on_event=show)
 
 
 class _Display:

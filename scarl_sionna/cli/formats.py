@@ -70,7 +70,7 @@ def convert(
     overwrite: _OVERWRITE = False,
 ) -> None:
     """Write a dataset in a format that other tools read."""
-    with reported(context, "nothing was written"), collected_warnings():
+    with reported(context, "nothing was written"), collected_warnings(context):
         from scarl_sionna.dataset.formats import convert as run
 
         if form not in FORMATS:
@@ -95,7 +95,7 @@ def view(
     """Show a dataset in the Rerun viewer: images, lidar, radar points and maps, boxes, over time."""
     with (
         reported(context, "the viewer keeps what it has" if save is None else "nothing was written"),
-        collected_warnings(),
+        collected_warnings(context),
     ):
         from scarl_sionna.dataset.formats.rerun import export_rerun, view_rerun
 
@@ -132,7 +132,7 @@ def stats(
 
     Radar points of objects against range, their RCS and SNR, class balance, occlusion, weather.
     """
-    with reported(context, "nothing was written"), collected_warnings():
+    with reported(context, "nothing was written"), collected_warnings(context):
         from scarl_sionna.dataset.statistics.collect import dataset_statistics
 
         data = taken.read()
@@ -151,7 +151,7 @@ def archive(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace archives that were written before.")] = False,
 ) -> None:
     """Put a finished dataset into one ZIP file a shard, for quotas and object stores; it is read as it is."""
-    with reported(context, "nothing was written"), collected_warnings():
+    with reported(context, "nothing was written"), collected_warnings(context):
         from scarl_sionna.dataset.archive import archive_dataset, restore_dataset
 
         if restore and overwrite:
@@ -172,7 +172,7 @@ def repack(
     layout: Annotated[str, typer.Option(metavar="packed|files", help="Layout of the new dataset.")] = "files",
 ) -> None:
     """Write a dataset with a file for each image and array, or with two files a shard; all bytes stay the same."""
-    with reported(context, "what is copied stays; go on with the same command"), collected_warnings():
+    with reported(context, "what is copied stays; go on with the same command"), collected_warnings(context):
         from scarl_sionna.dataset.repack import repack_dataset
 
         if layout not in ("packed", "files"):

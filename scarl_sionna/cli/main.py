@@ -91,7 +91,8 @@ def demo(
 
     A run that was stopped goes on where it was: frames of the same settings that are complete are kept.
     """
-    with reported(context, f"go on with the same command; finished frames are kept in {out}"):
+    kept = f"go on with the same command; finished frames are kept in {out}"
+    with reported(context, kept), collected_warnings(context):
         base = named_scenario(scenario) if scenario else _DEFAULTS
         started = perf_counter()
         base = base if scene is None else base.with_(scene=scene)
@@ -123,7 +124,7 @@ def rcs(
     plot: Annotated[Path | None, typer.Option(help="Image file (default: the mesh's name with _rcs.png).")] = None,
 ) -> None:
     """Print the monostatic radar cross section of a mesh over angle [dBsm], and plot it."""
-    with reported(context, "nothing was written"):
+    with reported(context, "nothing was written"), collected_warnings(context):
         from scarl_sionna.radar.rcs import rcs_cut  # takes seconds
 
         names = [name.strip() for name in asked.polarization.split(",") if name.strip()]
@@ -160,7 +161,7 @@ def info(
     ] = None,
 ) -> None:
     """Show what was found on this machine, and the remedy for what is missing; or what a dataset holds."""
-    with reported(context, "nothing was shown"):
+    with reported(context, "nothing was shown"), collected_warnings(context):
         if dataset is not None:
             typer.echo(datasets.show_dataset(dataset))
             return
@@ -196,8 +197,7 @@ def _run(scenario: ScenarioSpec, out: Path, overwrite: bool) -> RunSummary:
         def show(stage: str, num_done: float) -> None:
             progress.update(task, description=stage, completed=num_done)
 
-        with collected_warnings():
-            return run(scenario, out, overwrite=overwrite, on_stage=show)
+        return run(scenario, out, overwrite=overwrite, on_stage=show)
 
 
 def _print_summary(summary: RunSummary, seconds: float) -> None:

@@ -36,11 +36,10 @@ def scene(
     ] = 0,
 ) -> None:
     """Print what a scene holds, and what of a map's file is not used, by line."""
-    with reported(context, "nothing was written"):
+    with reported(context, "nothing was written"), collected_warnings(context):
         from scarl_sionna.engine.load import load_scene  # takes seconds
 
-        with collected_warnings():
-            world = load_scene(name, variant=variant, detail=detail)
+        world = load_scene(name, variant=variant, detail=detail)
         typer.echo(repr(world))
         findings = world.document.info.get("findings", [])
         for finding in findings:
