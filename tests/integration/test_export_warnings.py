@@ -1,4 +1,4 @@
-"""Warnings of an export: each kind is shown once on the command line, and all of them are in its log, with the frame."""
+"""Warnings of an export: each kind is shown once by the command, and all are in its log, with the frame."""
 
 from __future__ import annotations
 

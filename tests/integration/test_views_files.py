@@ -89,6 +89,33 @@ def test_hdf5_labels_times_axes_and_units(hdf5) -> None:
     assert adc.chunks[0] == 1  # a frame is read alone
 
 
+def test_hdf5_has_offsets_of_objects_beside_those_of_returns(tmp_path) -> None:
+    """Frames of 4, 2 and 3 objects: what a lidar and a camera have for each of them is read back by its own offsets."""
+    h5py = pytest.importorskip("h5py")
+    frames = []
+    for index, count in enumerate((4, 2, 3)):
+        points, pixels = np.arange(count, dtype=np.int32) + 10 * index, np.arange(count, dtype=np.int32) + 100 * index
+        results = dict(FRAMES[index].results)
+        results[LIDAR] = replace(results[LIDAR], object_points=points)
+        results[CAMERA] = replace(results[CAMERA], object_pixels=pixels)
+        frames.append(replace(FRAMES[index], objects=FRAMES[index].objects[:count], results=results))
+    export_hdf5(FrameSource(SOURCE.rig, [SceneFrames("x", frames)]), tmp_path / "x.h5")
+    with h5py.File(tmp_path / "x.h5") as file:
+        assert file.attrs["format_version"] == 2
+        lidar, camera = file[f"x/{LIDAR}"], file[f"x/{CAMERA}"]
+        assert lidar["object_points"].attrs["offsets"] == camera["object_pixels"].attrs["offsets"] == "object_offsets"
+        assert lidar["position"].attrs["offsets"] == "offsets" and "offsets" not in camera
+        assert [dimension.label for dimension in camera["rgb"].dims][0] == "frame" and len(camera["rgb"].dims[0]) == 1
+        assert file["x/objects/offsets"][:].tolist() == [0, 4, 6, 9]
+        for index, frame in enumerate(frames):
+            start, stop = lidar["object_offsets"][index : index + 2]
+            np.testing.assert_array_equal(lidar["object_points"][start:stop], frame.results[LIDAR].object_points)
+            start, stop = camera["object_offsets"][index : index + 2]
+            np.testing.assert_array_equal(camera["object_pixels"][start:stop], frame.results[CAMERA].object_pixels)
+            start, stop = lidar["offsets"][index : index + 2]
+            np.testing.assert_array_equal(lidar["position"][start:stop], frame.results[LIDAR].position)
+
+
 def test_hdf5_says_what_a_frame_lacks_and_leaves_nothing(tmp_path) -> None:
     pytest.importorskip("h5py")
     less = replace(FRAMES[1], results={name: r for name, r in FRAMES[1].results.items() if name != LIDAR})

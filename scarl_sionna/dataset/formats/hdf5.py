@@ -26,8 +26,9 @@ from .source import Convertible, FrameSource, OnProgress, as_source, no_progress
 if TYPE_CHECKING:
     import h5py
 
-FORMAT, FORMAT_VERSION = "scarl-hdf5", 1
-_RAGGED_AXES = (schema.POINT, schema.OBJECT)
+FORMAT, FORMAT_VERSION = "scarl-hdf5", 2
+"""Version 1 counted the objects of cameras and radars in ``offsets``, and those of lidars nowhere."""
+_OBJECTS = "objects"
 _COUNTS = ("num_points", "num_objects")
 
 
@@ -55,9 +56,10 @@ def export_hdf5(
     Returns
     -------
     Path
-        `out`: ``/scene/sensor/field`` with the frame as first axis. Fields of different length in each frame (lidar
-        returns, objects) are written one frame after the other, those of frame k are rows ``offsets[k]`` to
-        ``offsets[k + 1]``.
+        `out`: ``/scene/sensor/field`` with the frame as first axis. Fields of different length in each frame are
+        written one frame after the other: those of frame k are rows ``offsets[k]`` to ``offsets[k + 1]`` of what a
+        lidar has for each return and of ``objects``, and rows ``object_offsets[k]`` to ``object_offsets[k + 1]`` of
+        what a sensor has for each object.
 
     Raises
     ------
@@ -174,15 +176,15 @@ class _SceneWriter:
     def __init__(self, h5py: ModuleType, group: h5py.Group, compression: str | None) -> None:
         self.h5py, self.group, self.compression = h5py, group, compression
         self.length = 0
-        self.fields: set[str] | None = None
+        self.fields: dict[str, Field] | None = None
 
     def add(self, frame: Frame) -> None:
         """Append a frame to all arrays."""
         rows = dict(_frame_rows(frame))
         if self.fields is None:
-            self.fields = set(rows)
-        if set(rows) != self.fields:
-            missing, new = sorted(self.fields - set(rows)), sorted(set(rows) - self.fields)
+            self.fields = {path: item for path, (item, _) in rows.items()}
+        if rows.keys() != self.fields.keys():
+            missing, new = sorted(self.fields.keys() - rows.keys()), sorted(rows.keys() - self.fields.keys())
             what = f"lacks {missing[0]}" if missing else f"has {new[0]}, which the first frame lacks"
             raise DatasetError(
                 f"frame {frame.index} of {self.group.name.strip('/')} {what}", None, "convert a part of the rig"
@@ -198,30 +200,33 @@ class _SceneWriter:
         time = self.group.create_dataset("time", data=self.group["timestamp_ns"][:] * 1e-9)
         time.attrs["units"] = "s"
         time.make_scale("frame")
-        for path in self.fields or ():
+        for path, item in (self.fields or {}).items():
             array = self.group[path]
-            if array.shape[0] == self.length and not _is_ragged_path(path, self.group):
+            if _offsets_of(path, item) is None:
                 array.dims[0].label = "frame"
                 array.dims[0].attach_scale(time)
 
     def _append(self, path: str, item: Field, value: npt.NDArray[Any]) -> None:
-        ragged = bool(item.axes) and item.axes[0] in _RAGGED_AXES
+        offsets = _offsets_of(path, item)
+        ragged = offsets is not None
         if path not in self.group:
-            self._create(path, item, value, ragged)
+            self._create(path, item, value)
         array = self.group[path]
         start, count = array.shape[0], len(value) if ragged else 1
         array.resize(start + count, axis=0)
         array[start:] = value if ragged else value[None]
-        if ragged:
-            self._offset(path.rpartition("/")[0], start + count)
+        if offsets is not None:
+            self._offset(offsets, start + count)
 
-    def _offset(self, folder: str, end: int) -> None:
-        offsets = self.group[f"{folder}/offsets"]
+    def _offset(self, path: str, end: int) -> None:
+        offsets = self.group[path]
         if len(offsets) == self.length + 1:
             offsets.resize(self.length + 2, axis=0)
             offsets[-1] = end
 
-    def _create(self, path: str, item: Field, value: npt.NDArray[Any], ragged: bool) -> None:
+    def _create(self, path: str, item: Field, value: npt.NDArray[Any]) -> None:
+        rows = _offsets_of(path, item)
+        ragged = rows is not None
         shape = value.shape[1:] if ragged else value.shape
         chunk = (4096 if ragged else 1, *shape)
         is_text = value.dtype.kind in "OU"
@@ -241,14 +246,23 @@ class _SceneWriter:
         for dimension, name in zip(array.dims, axes, strict=False):
             dimension.label = name
         array.attrs.update(schema.attributes(item))
-        folder = path.rpartition("/")[0]
-        if ragged and f"{folder}/offsets" not in self.group:
-            offsets = self.group.create_dataset(f"{folder}/offsets", data=[0], maxshape=(None,), chunks=(1024,))
-            offsets.attrs["long_name"] = "rows of frame k: offsets[k] to offsets[k + 1]"
+        if rows is None:
+            return
+        name = rows.rpartition("/")[2]
+        array.attrs["offsets"] = name
+        if rows not in self.group:
+            offsets = self.group.create_dataset(rows, data=[0], maxshape=(None,), chunks=(1024,))
+            of = "objects" if item.axes[0] == schema.OBJECT else "returns"
+            offsets.attrs["long_name"] = f"{of} of frame k: rows {name}[k] to {name}[k + 1]"
 
 
-def _is_ragged_path(path: str, group: h5py.Group) -> bool:
-    return f"{path.rpartition('/')[0]}/offsets" in group and path.rpartition("/")[2] != "world_from_sensor"
+def _offsets_of(path: str, item: Field) -> str | None:
+    """Return the path of what tells the rows of a frame, or None for a field with one row a frame."""
+    folder = path.rpartition("/")[0]
+    axis = item.axes[0] if item.axes else ""
+    if axis == schema.OBJECT and folder != _OBJECTS:
+        return f"{folder}/object_offsets"
+    return f"{folder}/offsets" if axis in (schema.POINT, schema.OBJECT) else None
 
 
 def _frame_rows(frame: Frame) -> Iterable[tuple[str, tuple[Field, npt.NDArray[Any]]]]:
@@ -257,7 +271,7 @@ def _frame_rows(frame: Frame) -> Iterable[tuple[str, tuple[Field, npt.NDArray[An
         yield item.name, (item, _value(frame, item))
     for item in schema.OBJECTS:
         if item.name not in _COUNTS:
-            yield f"objects/{item.name}", (item, _object_column(frame.objects, item))
+            yield f"{_OBJECTS}/{item.name}", (item, _object_column(frame.objects, item))
     for name, result in frame.results.items():
         kind = kind_of(result)
         if not kind:
