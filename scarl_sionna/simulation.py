@@ -254,12 +254,21 @@ def resolve_rig(scenario: ScenarioSpec) -> Rig:
     A preset or that of a file, in its quality, and with the scenario's radar settings on top.
 
     In a rig file, the quality stands for what the file does not state of the settings of its radars.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the method of a radar lacks what it needs, see `RadarSettings.check_complete`.
     """
     if Path(scenario.rig).suffix in (".yaml", ".yml", ".json"):
         rig = Rig.load(scenario.find(scenario.rig)).in_quality(scenario.quality)
     else:
         rig = Rig.preset(scenario.rig, scenario.quality)
-    return rig if scenario.radar is None else rig.with_radar(scenario.radar)
+    rig = rig if scenario.radar is None else rig.with_radar(scenario.radar)
+    for mount in rig.sensors:
+        if isinstance(mount.settings, RadarSettings):
+            mount.settings.check_complete(mount.name)
+    return rig
 
 
 def load_world(scenario: ScenarioSpec) -> World:

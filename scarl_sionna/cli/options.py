@@ -13,7 +13,7 @@ import typer
 import yaml
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.settings.radar import METHODS, QUALITIES, RadarSettings
+from scarl_sionna.core.settings.radar import PLAIN_METHODS, QUALITIES, RadarSettings
 from scarl_sionna.core.specs.lighting import LIGHTING_PRESETS
 from scarl_sionna.core.specs.weather import WEATHER_PRESETS
 from scarl_sionna.core.untrusted.yaml_text import parse_yaml
@@ -84,8 +84,8 @@ RADAR_OPTIONS: Mapping[str, tuple[str, Any]] = {
         Annotated[
             str | None,
             typer.Option(
-                autocompletion=completing(lambda: METHODS),
-                help=f"Radar channel: {', '.join(METHODS)} (default: that of the rig).",
+                autocompletion=completing(lambda: PLAIN_METHODS),
+                help=f"Radar channel: {', '.join(PLAIN_METHODS)} (default: that of the rig).",
             ),
         ],
     ),

@@ -35,6 +35,8 @@ from .weather_echoes import WeatherEchoSettings
 
 Method = Literal["auto", "raycast", "sionna", "sbr", "scatterers", "hybrid"]
 METHODS: tuple[str, ...] = get_args(Method)
+PLAIN_METHODS: tuple[str, ...] = tuple(name for name in METHODS if name not in ("scatterers", "hybrid"))
+"""Methods that need nothing but their name."""
 QUALITIES = ("draft", "full")
 """Named levels of effort: ``"full"`` is the default of everything, ``"draft"`` is for a look at a scene."""
 
@@ -188,6 +190,30 @@ class RadarSettings(Spec):
             else:
                 changes[part] = changes.get(part, getattr(self, part)).with_(**{name: value})
         return self.with_(**changes) if changes else self
+
+    def check_complete(self, sensor: str) -> None:
+        """Raise if the method lacks what it needs, before the first frame does.
+
+        Raises
+        ------
+        ParameterRangeError
+            If `method` is ``"hybrid"`` without a `plan`, or ``"scatterers"`` without models.
+        """
+        if self.method == "hybrid" and self.plan is None:
+            raise ParameterRangeError(
+                f"method of '{sensor}'",
+                "'hybrid' without a plan",
+                f"{', '.join(PLAIN_METHODS)}, or hybrid with a plan",
+                "'auto' makes a plan for each frame; one of your own is `radar.plan` of a scenario or rig file",
+            )
+        if self.method == "scatterers" and not self.scatterers.models:
+            raise ParameterRangeError(
+                f"method of '{sensor}'",
+                "'scatterers' without models",
+                f"{', '.join(PLAIN_METHODS)}, or scatterers with models",
+                "name objects with their models in `radar.scatterers.models` of a scenario or rig file, "
+                "or by --set 'radar.scatterers.models={car: tr38901:car}'",
+            )
 
     @classmethod
     def _part_with(cls, name: str, method: str) -> str | None:
