@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import signal
+import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -12,6 +13,7 @@ from typing import NoReturn
 import typer
 
 from scarl_sionna.core.errors import ScarlError, ScarlWarning
+from scarl_sionna.core.temporary import FULL, REFUSED
 from scarl_sionna.scenario.spec.scenario import scenario_names
 from scarl_sionna.scene.document.find import scene_names
 
@@ -25,15 +27,31 @@ MOST_KINDS = 10
 
 @contextmanager
 def reported(context: typer.Context, interrupted: str) -> Iterator[None]:
-    """Turn a user's error into a message and exit code 2, Ctrl-C into 130, SIGTERM of an export into 143."""
+    """Turn a user's error, and one of the disk, into a message and exit code 2, Ctrl-C into 130, SIGTERM into 143."""
     try:
         yield
     except ScarlError as error:
         if context.obj and context.obj["debug"]:
             raise
         fail(f"error: {error}", EXIT_ERROR)
+    except OSError as error:
+        message = _of_disk(error)
+        if message is None or (context.obj and context.obj["debug"]):
+            raise
+        fail(f"error: {message}", EXIT_ERROR)
     except KeyboardInterrupt as error:
         fail(f"stopped, {interrupted}", EXIT_SIGNAL + getattr(error, "signal_number", signal.SIGINT))
+
+
+def _of_disk(error: OSError) -> str | None:
+    """Return what is to be said of a disk that is full or a place that may not be used; None for another error."""
+    what = str(error.filename) if error.filename is not None else "a file"
+    if error.errno in FULL:
+        where = f"{what} or {tempfile.gettempdir()}" if error.filename is None else what
+        return f"cannot write {where}: {error.strerror}; free some space, or choose another disk (--out, TMPDIR)"
+    if error.errno in REFUSED:
+        return f"cannot use {what}: {error.strerror}; choose another place, or change its permissions"
+    return None
 
 
 @contextmanager
