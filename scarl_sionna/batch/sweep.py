@@ -35,7 +35,7 @@ class Sweep:
     Raises
     ------
     ParameterRangeError
-        If a field has no values, or shares are negative or do not sum to 1.
+        If a field has no values or one of them twice, or shares are negative or do not sum to 1.
     """
 
     seeds: Sequence[int] = ()
@@ -46,6 +46,8 @@ class Sweep:
         for name, values in self.grid.items():
             if not len(values):
                 raise ParameterRangeError(f"grid of {name}", "no values", "one or more")
+            if len(set(map(repr, values))) != len(values):
+                raise ParameterRangeError(f"values of {name}", "one of them twice", "each once")
         if len(set(self.seeds)) != len(self.seeds):
             raise ParameterRangeError("seeds", "one of them twice", "each once")
         if self.splits is not None and (

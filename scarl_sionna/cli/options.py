@@ -151,7 +151,15 @@ class ScenarioOptions:
                 raise ParameterRangeError(
                     f"--set {path}", f"{len(values)} values", "one value", "only export takes several; a list is [1, 2]"
                 )
-            scenario = with_field(scenario, path, values[0])
+            try:
+                scenario = with_field(scenario, path, values[0])
+            except ParameterRangeError as error:
+                if isinstance(values[0], list):
+                    listed = ",".join(map(str, values[0]))
+                    raise ParameterRangeError(
+                        f"--set {path}", values[0], "no list", f"for a drive of each value: --set '{path}={listed}'"
+                    ) from error
+                raise
         return scenario
 
     def divided(self) -> tuple[ScenarioOptions, dict[str, list[object]]]:
@@ -168,18 +176,33 @@ class ScenarioOptions:
 
     def _further(self) -> Iterator[tuple[str, list[object]]]:
         """Yield the path and the values of each ``--set``."""
+        seen = set[str]()
         for text in self.further:
             path, equals, value = text.partition("=")
             if not equals or not path.strip():
                 raise ParameterRangeError("--set", text, "FIELD=VALUE, for instance radar.raycast.num_rays=50000")
-            found = _value(text, value)
-            is_several = isinstance(found, str) and "," in found and value.strip()[:1] not in ("'", '"')
-            yield path.strip(), cast("list[object]", _value(text, f"[{value}]")) if is_several else [found]
+            path = path.strip()
+            if path in seen:
+                remedy = f"several values stand in one, with commas: --set {path}=a,b"
+                raise ParameterRangeError("--set", f"{path} twice", "each field once", remedy)
+            seen.add(path)
+            yield path, _values(text, value)
 
     @property
     def says_anything(self) -> bool:
         """Whether any option is given."""
         return bool(self.further) or any(value is not None for value in (*self.fields.values(), *self.radar.values()))
+
+
+def _values(text: str, value: str) -> list[object]:
+    """Return the values of a text with commas between them; those in brackets, braces and quotes separate none."""
+    try:
+        several = parse_yaml(f"[{value}]")
+    except yaml.YAMLError:
+        several = None
+    if isinstance(several, list) and len(several) > 1:
+        return list(several)
+    return [_value(text, value)]
 
 
 def _value(text: str, value: str) -> object:

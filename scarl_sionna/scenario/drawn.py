@@ -11,11 +11,9 @@ from scarl_sionna.core import seeds
 from scarl_sionna.core.specs.weather import Weather
 
 from .spec.draws import WeatherDraw
-from .spec.light import lighting_at
+from .spec.light import at_hour
 from .spec.scenario import ScenarioSpec
 
-_BY_THE_SUN = ("sun_elevation_deg", "sun_azimuth_deg", "headlamps", "street_lamps", "lit_windows", "exposure")
-"""Values of a lighting that an hour decides; what else a scenario states of its light stays."""
 _EQUINOX = 80
 _DIGITS = 3
 
@@ -50,10 +48,7 @@ def drawn(spec: ScenarioSpec) -> tuple[ScenarioSpec, dict[str, Any]]:
         if wanted.day_of_year is not None:
             day = found["day_of_year"] = int(rng.integers(min(wanted.day_of_year), max(wanted.day_of_year) + 1))
         found["hour"] = f"{minute // 60:02d}:{minute % 60:02d}"
-        light = lighting_at(minute / 60.0, day)
-        if spec.lighting is not None:
-            light = spec.lighting.with_(**{name: getattr(light, name) for name in _BY_THE_SUN})
-        changes["lighting"] = light
+        changes["lighting"] = at_hour(spec.lighting, minute / 60.0, day)
     if wanted.weather is not None:
         rng = seeds.generator(spec.seed, "scenario_weather")
         shares = np.array([one.share for one in wanted.weather])

@@ -14,6 +14,7 @@ from scarl_sionna.batch import plan as planning
 from scarl_sionna.batch.plan import plan_export
 from scarl_sionna.batch.sweep import parse_seeds
 from scarl_sionna.cli.main import app
+from scarl_sionna.cli.options import ScenarioOptions
 from scarl_sionna.core.errors import ExportError, InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.dataset.encoding import StoreOptions
@@ -58,6 +59,67 @@ def test_what_cannot_be_swept() -> None:
         Sweep((), {}, (0.8, 0.1, 0.2))
     with pytest.raises(ParameterRangeError, match="one of them twice"):
         Sweep((1, 1))
+    with pytest.raises(ParameterRangeError, match="values of weather = one of them twice"):
+        Sweep((), {"weather": ["rain", "fog", "rain"]})
+
+
+BASE = ScenarioSpec(scene="tunnel", name="x")
+
+
+def swept(*texts: str) -> list[ScenarioSpec]:
+    """Return the drives of ``--set`` with some texts."""
+    single, grid = ScenarioOptions(further=texts).divided()
+    return Sweep((), grid).apply([single.apply(BASE)])
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("weather={preset: rain, rain_rate: 3},{preset: rain, rain_rate: 30}", [3.0, 30.0]),
+        ("weather=rain,{preset: rain, rain_rate: 30}", [10.0, 30.0]),
+        ("weather={preset: rain, rain_rate: 3}, clear", [3.0, 0.0]),
+        ("weather={preset: rain, rain_rate: 3}", [3.0]),
+        ("weather=rain", [10.0]),
+        ("weather.rain_rate=1, 2", [1.0, 2.0]),
+    ],
+)
+def test_values_in_braces_are_several_too(text: str, values: list[float]) -> None:
+    assert [drive.weather.rain_rate if drive.weather else 0.0 for drive in swept(text)] == values
+
+
+def test_lists_and_quoted_texts_are_one_value() -> None:
+    assert swept("radar.instances=[car, wall]")[0].radar.instances == ("car", "wall")  # type: ignore[union-attr]
+    assert [drive.radar.instances for drive in swept("radar.instances=[car],[car, wall]") if drive.radar] == [
+        ("car",),
+        ("car", "wall"),
+    ]
+    assert swept("rig='a,b.yaml'")[0].rig == "a,b.yaml"
+
+
+def test_the_time_of_day_is_set_as_in_a_file() -> None:
+    assert swept("lighting.time_of_day=18:30") == swept('lighting={time_of_day: "18:30"}')
+    late, noon = swept("lighting.time_of_day=20:30,12")
+    assert late.lighting.headlamps and not noon.lighting.headlamps  # type: ignore[union-attr]
+    cloudy = swept("lighting.cloud_cover=0.9", "lighting.time_of_day=20:30")[0]
+    assert (cloudy.lighting.cloud_cover, cloudy.lighting.headlamps) == (0.9, True)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        (("weather=rain,clear", "weather=fog"), "--set = weather twice is not allowed .*--set weather=a,b"),
+        (("variant=1", " variant =2"), "variant twice"),
+        (("weather=rain,rain",), "values of weather = one of them twice"),
+        (("weather=[rain,clear]",), r"for a drive of each value: --set 'weather=rain,clear'"),
+        (("weather={preset: rain",), "a value as in YAML"),
+        (("lighting.day_of_year=172",), 'give all of it: --set .lighting={time_of_day: "18:30", day_of_year: 172}'),
+        (("weather.preset=rain",), "set weather=rain"),
+        (("lighting.time_of_day=25:00",), "is not a time of day"),
+    ],
+)
+def test_what_set_refuses(texts: tuple[str, ...], message: str) -> None:
+    with pytest.raises(ParameterRangeError, match=message):
+        swept(*texts)
 
 
 def test_splits_keep_variants_together_and_stay_when_seeds_are_added() -> None:

@@ -28,6 +28,8 @@ _EXPOSURE = ((-12.0, 700.0), (-6.0, 400.0), (0.0, 10.0), (3.5, 4.0), (38.0, 1.5)
 in twilight (about 400 lx at 0 deg, 3.4 lx at -6 deg) until street lamps take over."""
 _LIT_WINDOWS = ((0.0, 0.2), (2.0, 0.06), (5.0, 0.05), (7.0, 0.35), (16.0, 0.3), (19.0, 0.5), (22.0, 0.45), (24.0, 0.2))
 """Hour and share of rooms in which light burns when it is dark: an engineering estimate for homes and shops."""
+_BY_THE_SUN = ("sun_elevation_deg", "sun_azimuth_deg", "headlamps", "street_lamps", "lit_windows", "exposure")
+"""Values of a lighting that an hour decides; what else is stated of it stays."""
 LAMPS_ON_BELOW = 5.0
 """Sun elevation below which lamps burn by default [deg]."""
 
@@ -88,6 +90,12 @@ def lighting_at(
     return Lighting(**{**values, **changes})
 
 
+def at_hour(lighting: Lighting | None, hour: float, day_of_year: int = 80) -> Lighting:
+    """Return a lighting with sun, lamps and exposure of another time of day; what else it states stays."""
+    light = lighting_at(hour, day_of_year)
+    return light if lighting is None else lighting.with_(**{name: getattr(light, name) for name in _BY_THE_SUN})
+
+
 def _lighting(value: object) -> object:
     """Return the lighting of a preset's name or of a mapping; anything else is left to the model."""
     if isinstance(value, str):
@@ -111,7 +119,7 @@ def _lighting(value: object) -> object:
             if isinstance(number, bool) or not isinstance(number, int | float) or not lower <= number <= upper:
                 raise ScenarioValueError(f"= {number!r} is not a number from {lower} to {upper}", ScenarioPlace(key))
             numbers[key] = number
-    return {**lighting_at(_hour(value["time_of_day"]), **numbers).model_dump(), **changes}
+    return {**lighting_at(hour_of(value["time_of_day"]), **numbers).model_dump(), **changes}
 
 
 def _weather(value: object) -> object:
@@ -137,7 +145,14 @@ def _preset(model: type[Lighting] | type[Weather], name: str, path: tuple[str, .
         raise name_error(error, ScenarioPlace(".".join(path)), value=name) from None
 
 
-def _hour(value: object) -> float:
+def hour_of(value: object) -> float:
+    """Return the hour of a text such as ``"18:30"``, or of a number.
+
+    Raises
+    ------
+    ScenarioValueError
+        If it is no time of day.
+    """
     place = ScenarioPlace("time_of_day")
     if isinstance(value, str) and (match := re.fullmatch(r"(\d{1,2}):(\d{2})(?::(\d{2}))?", value)):
         hours, minutes, seconds = (int(part or 0) for part in match.groups())
