@@ -56,14 +56,14 @@ SCENARIO_OPTIONS: Mapping[str, Any] = {
         str | None,
         typer.Option(
             autocompletion=completing(lambda: LIGHTING_PRESETS),
-            help="day, dusk, night, overcast or rain (default: that of the scene).",
+            help=f"{', '.join(LIGHTING_PRESETS)} (default: that of the scene).",
         ),
     ],
     "weather": Annotated[
         str | None,
         typer.Option(
             autocompletion=completing(lambda: WEATHER_PRESETS),
-            help="clear, drizzle, rain, heavy_rain, fog, dense_fog or snow (default: clear).",
+            help=f"{', '.join(WEATHER_PRESETS)} (default: clear).",
         ),
     ],
     "rig": Annotated[

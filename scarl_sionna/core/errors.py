@@ -23,7 +23,7 @@ def put_in_front(error: ScarlError, where: str) -> None:
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a question with the known name nearest to a misspelt one, or nothing if none is near."""
-    close = get_close_matches(name, list(known), n=1)
+    close = get_close_matches(str(name), list(known), n=1)
     return f"did you mean '{close[0]}'?" if close else ""
 
 

@@ -5,7 +5,7 @@ Plain data that is checked once, when it is made: what drives on the lanes is pl
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -308,6 +308,10 @@ class LaneNetwork(Described):
 
     def __contains__(self, name: object) -> bool:
         return name in self._by_name
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the lanes, as of a mapping; the lanes themselves are `lanes`."""
+        return iter(self._by_name)
 
     def of_kind(self, *kinds: str) -> tuple[Lane, ...]:
         """Return the lanes of some kinds, in the order of the network."""

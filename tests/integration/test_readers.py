@@ -95,7 +95,18 @@ def test_signature_tells_what_varies(place) -> None:
             assert len(value.shape) == len(spec.shape)
             assert all(want in (None, have) for want, have in zip(spec.shape, value.shape, strict=True))
     varies = {key for key, spec in samples.signature().items() if None in spec.shape}
-    assert varies == {f"{LIDAR}:points", "boxes", "box_semantic", "box_instance"}
+    labels = {f"{LIDAR}:points", f"{LIDAR}:semantic", f"{LIDAR}:instance"}
+    assert varies == {*labels, "boxes", "box_semantic", "box_instance"}
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_what_is_read_by_default_has_the_scale_of_codes_and_the_labels_of_returns(place, stored) -> None:
+    sample = FrameSamples(place if stored else FRAMES)[3]
+    codes, frame = sample[f"{RADAR}:adc_int"], FRAMES[3]
+    beat = codes.astype(np.float64) @ [1.0, 1.0j] * sample[f"{RADAR}:adc_scale"]
+    np.testing.assert_allclose(beat, frame.results[RADAR].adc, rtol=1e-5)
+    assert len(sample[f"{LIDAR}:points"]) == len(sample[f"{LIDAR}:semantic"])
+    np.testing.assert_array_equal(sample[f"{LIDAR}:instance"], frame.results[LIDAR].instance)
 
 
 def test_only_what_is_asked_for_is_read(place, monkeypatch) -> None:

@@ -9,7 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
-from scarl_sionna.dataset import write_dataset
+from scarl_sionna.dataset import StoreOptions, write_dataset
+from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan
+from scarl_sionna.dataset.store.writer import DatasetFolder
 from tests.drive import drive
 
 SOURCE = drive(num_frames=2, ends=("front",), scenes=("lane", "street"))
@@ -58,6 +60,17 @@ def test_convert_to_every_form(place, tmp_path, form) -> None:
     again = call("convert", place, form, tmp_path / "out")
     assert again.exit_code == 2 and "--overwrite" in again.output
     assert call("convert", place, form, tmp_path / "out", "--overwrite").exit_code == 0
+
+
+@pytest.mark.parametrize("form", ["hdf5", "mcap", "dca1000", "webdataset", "nuscenes", "openlabel", "coco", "rosbag"])
+def test_a_dataset_without_frames_is_refused(tmp_path, form) -> None:
+    with DatasetFolder(
+        tmp_path / "ds", DatasetPlan(SOURCE.rig, (ScenePlan("street", 2, {}),), StoreOptions())
+    ) as empty:
+        empty.finalize()  # an export of which nothing is finished
+    done = call("convert", empty.root, form, tmp_path / "out")
+    assert done.exit_code == 2 and "dataset = no frames is not allowed" in done.output, done.output
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,8 @@ import typer
 from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
+from scarl_sionna.core.specs.lighting import LIGHTING_PRESETS
+from scarl_sionna.core.specs.weather import WEATHER_PRESETS
 from scarl_sionna.scenario.spec.scenario import scenario_names
 
 REPO = Path(__file__).resolve().parents[2]
@@ -74,6 +76,13 @@ def completed(words: str) -> list[str]:
 )
 def test_the_shell_completes_commands_options_and_names(typed: str, expected: list[str]) -> None:
     assert completed(f"scarl-sionna {typed}") == expected
+
+
+def test_the_help_names_all_weathers_lightings_and_methods_that_need_no_more() -> None:
+    shown = " ".join(CliRunner().invoke(app, ["export", "--help"], env={"COLUMNS": "300"}).stdout.split())
+    assert f"{', '.join(WEATHER_PRESETS)} (default" in shown and "winter" in WEATHER_PRESETS
+    assert f"{', '.join(LIGHTING_PRESETS)} (default" in shown
+    assert "Radar channel: auto, raycast, sionna, sbr (default" in shown
 
 
 def test_completion_can_be_installed() -> None:

@@ -63,10 +63,21 @@ def test_a_frame_of_one_chirp_has_points_without_velocity() -> None:
     assert (points.radial_velocity == 0.0).all()
 
 
+@pytest.mark.parametrize(("num_chirps", "num_samples"), [(2, 5), (2, 64), (64, 2)])
+def test_an_axis_of_two_bins_has_no_training_cells(num_chirps: int, num_samples: int) -> None:
+    """The default window was larger than such a map, and refused itself."""
+    radar = RADAR.with_(num_chirps=num_chirps, num_samples=num_samples)
+    noise = np.random.default_rng(5).normal(size=(2, 12, num_chirps, num_samples))
+    cube = (1e-9 * (noise[0] + 1j * noise[1])).astype(np.complex64)
+    rda = range_doppler_angle(cube, radar)
+    assert detect(rda, radar).num_points == 0
+    assert detect(rda, radar, pfa=0.5, peaks_only=False).num_points > 0
+
+
 def test_a_map_of_one_cell_has_no_threshold() -> None:
     radar = RADAR.with_(num_chirps=1, num_samples=1)
     cube = np.ones((12, 1, 1), np.complex64)
-    with pytest.raises(ParameterRangeError, match="two bins or more"):
+    with pytest.raises(ParameterRangeError, match="3 bins or more"):
         detect(range_doppler_angle(cube, radar), radar)
 
 

@@ -30,6 +30,9 @@ def test_network_of_tables() -> None:
     assert network["b"].speed == 8.0 and network["b"].width == 3.0 and network["b"].length == 50.0
     assert [lane.name for lane in network.before("b")] == ["a"]
     assert network.right_of("d") is network["a"]
+    assert list(network) == ["a", "b", "c", "d"]  # by the old protocol it was asked for lane 0
+    with pytest.raises(UnknownNameError, match="unknown lane '0'"):
+        network[0]  # type: ignore[index]
     assert [lane.name for lane in network.check_route(["a", "c"])] == ["a", "c"]
     assert network.parking[0].yaw_deg == 90.0
     again = pickle.loads(pickle.dumps(network))

@@ -158,14 +158,14 @@ def export_dca1000(
     Raises
     ------
     ParameterRangeError
-        If there is no radar, a radar has an odd number of samples or sends anything but equal ramps, or the scale
-        changes between frames.
+        If there are no frames or no radar, a radar has an odd number of samples or sends anything but equal ramps, or
+        the scale changes between frames.
     UnknownNameError
         If there is no radar of a name.
     OutputError
         If the folder is there or cannot be written.
     """
-    source = as_source(data, "DCA1000", ("radar",))
+    source = as_source(data, "DCA1000", ("radar",)).not_empty()
     chosen = _radars(source, radars)
     mark = {"format": FORMAT, "layout": LAYOUT, "radars": chosen, "scenes": [scene.name for scene in source.scenes]}
     done = 0

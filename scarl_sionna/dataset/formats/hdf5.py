@@ -65,6 +65,8 @@ def export_hdf5(
     ------
     MissingPackageError
         If h5py is not installed.
+    ParameterRangeError
+        If there are no frames.
     DatasetError
         If a frame lacks a sensor or a field that the first frame of its scene has.
     OutputError
@@ -73,7 +75,7 @@ def export_hdf5(
     h5py = require("h5py", "hdf5")
     if compression not in ("gzip", "lzf", None):
         raise ParameterRangeError("compression", repr(compression), "'gzip', 'lzf' or None")
-    source = as_source(data)
+    source = as_source(data).not_empty()
     done = 0
     with whole_output_file(out, overwrite, is_ours) as partial, _Sink(partial) as sink:
         with h5py.File(sink, "w") as file:

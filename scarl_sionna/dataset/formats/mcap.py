@@ -86,13 +86,15 @@ def export_mcap(
     ------
     MissingPackageError
         If mcap is not installed.
+    ParameterRangeError
+        If there are no frames.
     OutputError
         If the file is there or cannot be written.
     """
     require("mcap", "mcap")
     from mcap.writer import Writer
 
-    source = as_source(data, "MCAP", TAKES)
+    source = as_source(data, "MCAP", TAKES).not_empty()
     done = 0
     with whole_output_file(out, overwrite, is_ours) as partial, partial.open("wb") as file:
         writer = Writer(file)

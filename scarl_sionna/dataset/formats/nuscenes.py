@@ -99,8 +99,7 @@ def export_nuscenes(
     """
     source = as_source(data, "nuScenes", ("camera", "lidar", "radar"))
     options = _Options(version, keyframe_every, image_format, raw_radar, all_objects, pfa, panoptic_labels, lane_maps)
-    if not source.num_frames:
-        raise ParameterRangeError("dataset", "no frames", "at least one frame")
+    source.not_empty()
     mark = {"format": FORMAT, "version": version, "rig": source.rig["name"], "scenes": [s.name for s in source.scenes]}
     names = splits.official_names(source, version) if official_names else {}
     source = splits.renamed(source, names) if names else source

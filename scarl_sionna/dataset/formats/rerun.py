@@ -45,7 +45,7 @@ def export_rerun(
         If the file is there or cannot be written.
     """
     rr = require("rerun", "viewer")
-    source = as_source(data, "Rerun", ("camera", "lidar", "radar"))
+    source = as_source(data, "Rerun", ("camera", "lidar", "radar")).not_empty()
     with whole_output_file(out, overwrite, is_ours) as partial:
         recording = rr.RecordingStream(APPLICATION, recording_id=Path(out).stem)
         recording.save(str(partial))
@@ -82,7 +82,7 @@ def log_frames(
 ) -> None:
     """Log all frames to a recording: one root a scene, timelines ``time`` and ``frame``."""
     rr = require("rerun", "viewer")
-    source = as_source(data)
+    source = as_source(data).not_empty()
     done = 0
     for scene in source.scenes:
         classes = [(k, name, tuple(SEMANTIC_COLORS[k].tolist())) for k, name in enumerate(SEMANTIC_CLASSES)]

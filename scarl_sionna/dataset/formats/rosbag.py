@@ -104,8 +104,7 @@ def export_rosbag(
         If the folder is there or cannot be written.
     """
     source = as_source(data, "a ROS bag", TAKES)
-    if not source.num_frames:
-        raise ParameterRangeError("dataset", "no frames", "at least one frame")
+    source.not_empty()
     scenes = tuple(scene.name for scene in source.scenes)
     with _bag_of(source, out, scenes, pfa=pfa, raw_radar=raw_radar, overwrite=overwrite) as bag:
         for done, (scene, frame, time_ns) in enumerate(timed_frames(source, SCENE_GAP), 1):

@@ -92,6 +92,18 @@ class FrameSource:
         """Number of frames of all scenes."""
         return sum(len(scene) for scene in self.scenes)
 
+    def not_empty(self) -> FrameSource:
+        """Return these scenes.
+
+        Raises
+        ------
+        ParameterRangeError
+            If they have no frames.
+        """
+        if not self.num_frames:
+            raise ParameterRangeError("dataset", "no frames", "at least one frame")
+        return self
+
     @property
     def mounts(self) -> dict[str, Mapping[str, Any]]:
         """Rig entries by sensor name."""

@@ -62,8 +62,7 @@ def export_tfrecord(
     if compression not in ("", "GZIP"):
         raise ParameterRangeError("compression", repr(compression), "'' or 'GZIP'")
     source = as_source(data)
-    if not source.num_frames:
-        raise ParameterRangeError("dataset", "no frames", "at least one frame")
+    source.not_empty()
     tf = tensorflow()
     signature: dict[str, dict[str, Any]] | None = None
     files: dict[str, list[str]] = {}

@@ -66,8 +66,7 @@ def export_webdataset(
     if frames_per_file < 1:
         raise ParameterRangeError("frames_per_file", frames_per_file, ">= 1")
     source = as_source(data)
-    if not source.num_frames:
-        raise ParameterRangeError("dataset", "no frames", "at least one frame")
+    source.not_empty()
     shards: dict[str, list[str]] = {}
     names: dict[str, str] = {}
     done = 0

@@ -32,7 +32,7 @@ FrameData: TypeAlias = "Dataset | Scene | Frames | str | Path"
 """Frames, or the place of a dataset that holds them."""
 
 FRAME_ITEMS = ("boxes", "box_semantic", "box_instance", "timestamp_ns", "world_from_vehicle")
-RADAR_ITEMS = ("adc", "adc_int", "cube", "range_doppler", "range_azimuth")
+RADAR_ITEMS = ("adc", "adc_int", "adc_scale", "cube", "range_doppler", "range_azimuth")
 IMAGE_ITEMS = tuple(item.name for item in CAMERA if item.name != "world_from_sensor")
 LIDAR_ITEMS = ("points", *(item.name for item in LIDAR if item.name not in ("world_from_sensor", "num_points")))
 RADIO_ITEMS, SCAN_ITEMS, CLOSED_ITEMS = (
@@ -48,10 +48,10 @@ ITEMS_OF_KIND = {
     "radio": RADIO_ITEMS,
 }
 _SHOWN_OF_KIND = {
-    "radar": ("adc_int",),
+    "radar": ("adc_int", "adc_scale"),
     "scanning_radar": ("image", "azimuth", "time"),
     "closed_radar": ("power",),
-    "lidar": ("points",),
+    "lidar": ("points", "semantic", "instance"),
     "radio": ("a", "tau", "doppler", "valid", "cfr"),
 }
 """What is read of a sensor where nothing is asked for."""
@@ -82,6 +82,7 @@ class FrameSamples:
 
         =============  =================================================================================================
         radar          ``adc`` complex64 (num_rx, num_chirps_total, num_samples) [sqrt(W)]; ``adc_int`` int16 (..., 2);
+                       ``adc_scale`` float64, a code times it is in sqrt(W);
                        ``cube`` complex64 (num_virtual, num_chirps, num_samples) [sqrt(W)];
                        ``range_doppler`` float32 (num_doppler, num_range) [dBm]; ``range_azimuth`` float32
                        (num_range, num_azimuth) [dBm]
@@ -191,7 +192,7 @@ def kind_of(result: object) -> str:
 
 
 def _all_items(frame: AnyFrame) -> list[str]:
-    """Return all that a frame holds: raw radar data, images, lidar points, channels, boxes, time and pose."""
+    """Return all that a frame holds: raw radar data, images, lidar points with labels, channels, boxes, time, pose."""
     out = []
     for name, result in frame.results.items():
         kind = kind_of(result)

@@ -106,8 +106,8 @@ def cfar(
     Notes
     -----
     Doppler is periodic; beyond the ends of range there is nothing, so cells there have fewer training cells. An axis of
-    one bin has no training cells. The factors are exact for independent training cells; how windows link them counts by
-    the effective number of independent ones, and cell by cell where a window has few of them
+    one or two bins has no training cells. The factors are exact for independent training cells; how windows link them
+    counts by the effective number of independent ones, and cell by cell where a window has few of them
     (:mod:`~scarl_sionna.signal.detection.correlated`).
 
     In a window all around, a car hides the people beside it. Along its own velocity a person is alone, and a long
@@ -140,9 +140,9 @@ def windows_of(
     """
     statistic.check(pfa)
     axes: list[Along] = [statistic.along]
-    if statistic.along == "either":  # an axis of one bin tells nothing
+    if statistic.along == "either":  # an axis of one or two bins tells nothing
         named: list[tuple[Along, int]] = [("doppler", rd.data.shape[1]), ("range", rd.data.shape[2])]
-        axes = [name for name, bins in named if bins > 1] or ["both"]
+        axes = [name for name, bins in named if bins > 2] or ["both"]
     windows = [TrainingWindow.of(rd, guard, training, axis) for axis in axes]
     if len(windows) == 2:
         halves = windows[0].halves(statistic.kind), windows[1].halves(statistic.kind)
@@ -251,9 +251,9 @@ class TrainingWindow:
         if min(guard) < 0 or min(training) < 1:
             raise ParameterRangeError("guard, training", f"{guard}, {training}", "guard >= 0 and training >= 1 cells")
         shape = rd.data.shape[1:]
-        used = [along in ("both", name) and bins > 1 for name, bins in zip(("doppler", "range"), shape, strict=True)]
+        used = [along in ("both", name) and bins > 2 for name, bins in zip(("doppler", "range"), shape, strict=True)]
         if not any(used):
-            raise ParameterRangeError("along", repr(along), "an axis of two bins or more", f"the map has {shape} bins")
+            raise ParameterRangeError("along", repr(along), "an axis of 3 bins or more", f"the map has {shape} bins")
         outer, inner = (
             (sizes[0] if used[0] else 1, sizes[1] if used[1] else 1)
             for sizes in ([2 * (g + t) + 1 for g, t in zip(guard, training, strict=True)], [2 * g + 1 for g in guard])
@@ -314,7 +314,7 @@ class TrainingWindow:
 def fitting_window(shape: tuple[int, int], guard: Widths = GUARD, training: Widths = TRAINING) -> tuple[Widths, Widths]:
     """Return guard and training cells that fit into a map of (Doppler, range) bins: training gives way first.
 
-    By definition; an axis of fewer than 3 bins is left to the detector, which needs one bin or 3.
+    By definition; an axis of fewer than 3 bins has no room for training cells, and the detector takes none along it.
     """
     fitted = []
     for bins, own_guard, own_training in zip(shape, guard, training, strict=True):

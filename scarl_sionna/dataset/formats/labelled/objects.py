@@ -116,8 +116,7 @@ def check_images(source: FrameSource, min_pixels: int = 1) -> None:
     """
     if min_pixels < 1:
         raise ParameterRangeError("min_pixels", min_pixels, ">= 1")
-    if not source.num_frames:
-        raise ParameterRangeError("dataset", "no frames", "at least one frame")
+    source.not_empty()
     first = next(scene for scene in source.scenes if len(scene))
     if not any(image.rgb is not None for image in first.frames[0].images.values()):
         raise ParameterRangeError("dataset", "without RGB camera", "at least one", "choose another export format")

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from scarl_sionna.core.errors import DatasetError, ParameterRangeError, ScarlWarning
+from scarl_sionna.core.errors import DatasetError, ScarlWarning
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
 from scarl_sionna.core.results import Frame, ImageFrame, ObjectState
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
@@ -88,8 +88,7 @@ def export_openlabel(
     """
     check_image_format(image_format)
     source = as_source(data, "OpenLABEL", ("camera",))
-    if not source.num_frames:
-        raise ParameterRangeError("dataset", "no frames", "at least one frame")
+    source.not_empty()
     done = 0
     unknown: set[str] = set()
     with whole_folder(out, {"format": FORMAT, "scenes": [scene.name for scene in source.scenes]}, overwrite) as folder:
