@@ -164,7 +164,7 @@ def faces_towards(
     found = np.zeros(len(planes.area), dtype=np.bool_)
     centers = np.array([(box.min(axis=0) + box.max(axis=0)) / 2.0 for box in boxes])
     reach = np.array([np.linalg.norm(np.ptp(box, axis=0)) / 2.0 for box in boxes])
-    wide = np.flatnonzero(reach > _WIDE_BOX)  # by their middle and corners, with half of the reach
+    wide = np.flatnonzero(reach > _WIDE_BOX).tolist()  # by their middle and corners, with half of the reach
     reach[wide] /= 2.0
     points = np.concatenate([centers, *(boxes[number] for number in wide)])
     radius = np.concatenate([reach, *(np.full(len(boxes[number]), reach[number]) for number in wide)])
@@ -222,7 +222,8 @@ class _Planes:
         np.minimum.at(upper, group, -corners.max(axis=1))
         first = face[start]
         plane = triangles.normal[first], triangles.offset[first]
-        return cls(table, face, group, corners, first, np.bincount(group, area), nearest, *plane, lower, -upper)
+        total = np.bincount(group, area).astype(np.float64)
+        return cls(table, face, group, corners, first, total, nearest, *plane, lower, -upper)
 
 
 def ways(mirrors: Sequence[Mirror], depth: int) -> Iterator[Way]:
