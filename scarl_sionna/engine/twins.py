@@ -78,10 +78,14 @@ class Twin:
 
     Attributes
     ----------
+    origin : None
+        Its frame is the world's.
     places : dict of str to PartPlace
         Where the engine has the faces of each part: in the optical twin those that shine are meshes of their own, all
         others are joined by BSDF (:class:`.joined.JoinedMeshes`).
     """
+
+    origin: Array | None = None
 
     def __init__(
         self,
@@ -154,15 +158,14 @@ class Twin:
         """Make the tables by which the engine's faces, mesh by mesh, are those of a state, part by part."""
         on, places = Device(mi), [self.places[name] for name in self.part_names]
         counts = np.array([place.size for place in places])
-        self._first_face = np.cumsum(counts) - counts
-        self._part_of_face = np.repeat(np.arange(len(places), dtype=np.int32), counts)
+        first_face = np.cumsum(counts) - counts
         numbers, mesh = np.unique([place.number for place in places], return_inverse=True)
         sizes = np.bincount(mesh, weights=counts).astype(np.int64)
         first_of_mesh = np.cumsum(sizes) - sizes
         rows = first_of_mesh[mesh] + np.array([place.first for place in places])
-        faces = np.arange(len(self._part_of_face), dtype=np.int32)
+        faces = np.arange(counts.sum(), dtype=np.int32)
         face_of_row = np.empty_like(faces)
-        face_of_row[np.repeat(rows - self._first_face, counts) + faces] = faces
+        face_of_row[np.repeat(rows - first_face, counts) + faces] = faces
         self._face_of_row = on.label(face_of_row)
         first_of_number = np.full(numbers.max() + 1, MISS, dtype=np.int32)
         first_of_number[numbers] = first_of_mesh
@@ -304,33 +307,6 @@ class Twin:
         import sionna.rt as rt
 
         return self.sionna_scene.objects[rt.SceneObject.shape_id_to_name(name)]
-
-    def intersect(
-        self, origins: Array, directions: Array, max_distance: float
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.float32]]:
-        """Intersect rays in the engine's float32.
-
-        Returns
-        -------
-        ray, part, face, distance : ndarray
-            One row a hit, in ray order; `face` counts within the part, `distance` is the float32 one [m].
-        """
-        import drjit as dr
-
-        with variant.use(self.kind) as mi:
-            on = Device(mi)
-            origin = np.broadcast_to(origins, directions.shape)
-            ray = mi.Ray3f(mi.Point3f(on.single_vectors(origin)), mi.Vector3f(on.single_vectors(directions)))
-            if np.isfinite(max_distance):
-                ray.maxt = mi.Float(float(max_distance))
-            with many_threads(len(directions)):
-                found = self.mi_scene.ray_intersect_preliminary(ray, coherent=True)
-                distance, face = found.t, self.faces(found)
-                dr.eval(distance, face)
-                distance, face = distance.numpy(), face.numpy()
-        hit = np.flatnonzero(np.isfinite(distance) & (face >= 0))
-        part = self._part_of_face[face[hit]]
-        return hit, part, face[hit].astype(np.int64) - self._first_face[part], distance[hit]
 
 
 def optical_xml(document: SceneDocument, lighting: Lighting | None, folder: Path, mi: ModuleType) -> str:

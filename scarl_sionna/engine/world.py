@@ -45,6 +45,7 @@ from .rays.cast import Target, cast_rays
 from .rays.enclosure import enclosing, hits_above, is_left_behind
 from .rays.footing import Footing
 from .rays.geometry import Triangles, upright_box
+from .rays.nearby import middle_of, scene_near
 from .snow_cover import SKY, snow_covered
 from .threads import many_threads
 from .twins import MeshData, Twin
@@ -717,9 +718,8 @@ class WorldState(Described):
         """
         origin = np.asarray(origins, dtype=np.float64)
         direction = np.asarray(directions, dtype=np.float64).reshape(-1, 3)
-        return cast_rays(
-            Target(self._applied(twin), self._triangles, self.point_velocity), origin, direction, max_distance
-        )
+        scene = scene_near(self, middle_of(origin), twin)
+        return cast_rays(Target(scene, self._triangles, self.point_velocity), origin, direction, max_distance)
 
     def inside(self, point: npt.ArrayLike) -> str | None:
         """Return the name of the instance whose mesh encloses a point, shape (3,) [m, world], or None.

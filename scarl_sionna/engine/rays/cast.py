@@ -8,10 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.engine.twins import Twin
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.device import Device
+from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.scene.tables import RayHits
 
 from .geometry import Triangles, refine_distance
+from .nearby import EngineScene
 
 Array = npt.NDArray[np.float64]
 
@@ -22,8 +25,8 @@ RAYS_PER_BATCH = 1 << 20
 class Target(NamedTuple):
     """What rays are cast at."""
 
-    twin: Twin
-    """Finds which triangle a ray hits, in single precision; stands in the state."""
+    scene: EngineScene
+    """Finds which triangle a ray hits, in single precision."""
     triangles: Triangles
     """The same triangles [m, world] in double precision."""
     velocity: Callable[[npt.NDArray[Any], Array, npt.NDArray[np.int64]], Array]
@@ -63,8 +66,8 @@ def _batch(target: Target, origins: Array, directions: Array, first: int, max_di
     if len(directions) == 0:
         return RayHits.none()
     triangles = target.triangles
-    ray, part, face, rough = target.twin.intersect(origins, directions, max_distance)
-    row = triangles.first[part] + face
+    ray, row, rough = _engine_hits(target.scene, origins, directions, max_distance)
+    part = triangles.part[row]
     start = origins if origins.ndim == 1 else origins[ray]
     direction = directions[ray]
     normal = triangles.normal[row]
@@ -73,3 +76,24 @@ def _batch(target: Target, origins: Array, directions: Array, first: int, max_di
     point = start + distance[:, None] * direction
     velocity = target.velocity(part, point, row)
     return RayHits(ray + first, distance, point, normal, np.minimum(np.abs(cosine), 1.0), part, velocity, row)
+
+
+def _engine_hits(
+    scene: EngineScene, origins: Array, directions: Array, max_distance: float
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float32]]:
+    """Return number, row of the triangle and the engine's distance [m] of each ray that hits, in their order."""
+    import drjit as dr
+
+    with variant.use(scene.kind) as mi:
+        on = Device(mi)
+        origin = np.broadcast_to(origins if scene.origin is None else origins - scene.origin, directions.shape)
+        ray = mi.Ray3f(mi.Point3f(on.single_vectors(origin)), mi.Vector3f(on.single_vectors(directions)))
+        if np.isfinite(max_distance):
+            ray.maxt = mi.Float(float(max_distance))
+        with many_threads(len(directions)):
+            found = scene.mi_scene.ray_intersect_preliminary(ray, coherent=True)
+            distance, face = found.t, scene.faces(found)
+            dr.eval(distance, face)
+            distance, face = distance.numpy(), face.numpy()
+    hit = np.flatnonzero(np.isfinite(distance) & (face >= 0))
+    return hit, face[hit].astype(np.int64), distance[hit]

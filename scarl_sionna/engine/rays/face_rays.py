@@ -19,13 +19,16 @@ from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.twins import MISS
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
+from .nearby import mesh_of, scene_near
+
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 
 STATE_LIFT = 4e-7
-"""In a scene a ray starts this far above its face, relative to the largest coordinate: some float32 steps of it."""
+"""In a scene a ray starts this far above its face, relative to the largest coordinate in the engine's frame:
+some float32 steps of it."""
 SMALLEST_LIFT = 1e-6
 """[m]."""
 MESH_LIFT = 2e-5
@@ -75,6 +78,10 @@ class FaceRays(Device, ABC):
     def lifted(self, point: DeviceArray, normal: DeviceArray) -> DeviceArray:
         """Return points moved along unit normals so far that a ray does not meet the face again on which it starts."""
 
+    def _ray(self, origin: DeviceArray, direction: DeviceArray) -> MitsubaObject:
+        """Return the engine's rays."""
+        return self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
+
     @abstractmethod
     def _face(self, found: MitsubaObject) -> DeviceArray:
         """Return the face of each of the engine's intersections, or `MISS`."""
@@ -92,7 +99,7 @@ class FaceRays(Device, ABC):
         coherent : bool
             Neighbouring rays run side by side, which the engine may use.
         """
-        ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
+        ray = self._ray(origin, direction)
         return self._face(self._scene.ray_intersect_preliminary(ray, coherent=coherent, active=active))
 
     def first_within(
@@ -107,7 +114,7 @@ class FaceRays(Device, ABC):
 
         In the frame of the rays; that distance is the engine's, a float32 number. `coherent` as of :meth:`first`.
         """
-        ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
+        ray = self._ray(origin, direction)
         ray.maxt = self.mi.Float(distance)
         found = self._scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
         return self._face(found), self.dr.select(found.is_valid(), found.t, 0.0)
@@ -120,7 +127,7 @@ class FaceRays(Device, ABC):
         active: DeviceArray = True,
     ) -> DeviceArray:
         """Return whether each active ray meets anything, before a distance in the frame of the rays if one is given."""
-        ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
+        ray = self._ray(origin, direction)
         if distance is not None:
             ray.maxt = self.mi.Float(self.dr.maximum(distance, 0.0))  # below 0 is the engine's mark of what is blocked
         return self._scene.ray_test(ray, coherent=False, active=active)
@@ -134,14 +141,21 @@ class StateRays(FaceRays):
     mi : module
         Mitsuba in the variant of the twin.
     state : WorldState
+    place : array_like of float, shape (3,), optional
+        Around which rays begin [m, world]: the engine's coordinates are relative to it where it is far from the
+        origin, see :mod:`.nearby`; the origin if left out.
     twin : {"optical", "radio"}
     """
 
-    def __init__(self, mi: ModuleType, state: WorldState, twin: str = "optical") -> None:
-        engine = state._applied(twin)
+    def __init__(
+        self, mi: ModuleType, state: WorldState, place: npt.ArrayLike | None = None, twin: str = "optical"
+    ) -> None:
+        engine = scene_near(state, place, twin)
         super().__init__(mi, engine.mi_scene, twin)
+        self._origin = engine.origin
+        self._shift = None if engine.origin is None else self.vector(engine.origin)
         self.Fine, self.FinePoint = self.Real, self.Vector  # far from the origin float32 is not fine enough
-        self._twin = engine
+        self._engine = engine
 
     def placed(self, points: Array) -> Array:
         """Return points as they are: the frame is the world's [m]."""
@@ -150,10 +164,19 @@ class StateRays(FaceRays):
     def lifted(self, point: DeviceArray, normal: DeviceArray) -> DeviceArray:
         """Return points moved along unit normals by `STATE_LIFT`."""
         dr = self.dr
-        return point + dr.maximum(STATE_LIFT * dr.max(dr.abs(point)), SMALLEST_LIFT) * normal
+        within = point if self._shift is None else point - self._shift
+        return point + dr.maximum(STATE_LIFT * dr.max(dr.abs(within)), SMALLEST_LIFT) * normal
+
+    def lift_of(self, points: Array) -> Array:
+        """Return how far :meth:`lifted` moves points (n, 3), shape (n,) [m]."""
+        within = points if self._origin is None else points - self._origin
+        return np.maximum(STATE_LIFT * np.abs(within).max(axis=1, initial=0.0), SMALLEST_LIFT)
+
+    def _ray(self, origin: DeviceArray, direction: DeviceArray) -> MitsubaObject:
+        return super()._ray(origin if self._shift is None else self.Vector(origin) - self._shift, direction)
 
     def _face(self, found: MitsubaObject) -> DeviceArray:
-        return self._twin.faces(found)
+        return self._engine.faces(found)
 
 
 class MeshRays(FaceRays):
@@ -172,7 +195,8 @@ class MeshRays(FaceRays):
 
     def __init__(self, mi: ModuleType, corners: Array, twin: str = "radio") -> None:
         self._center, self._radius = center_and_radius(corners)
-        super().__init__(mi, _scene_of(self.placed(corners.reshape(-1, 3)), mi), twin)
+        body = mesh_of(mi, self.placed(corners.reshape(-1, 3)))
+        super().__init__(mi, mi.load_dict({"type": "scene", "body": body}), twin)
         self.Fine, self.FinePoint = mi.Float, mi.Point3f  # as fine as the rays themselves
 
     def placed(self, points: Array) -> Array:
@@ -204,12 +228,3 @@ def center_and_radius(corners: Array) -> tuple[Array, float]:
     points = corners.reshape(-1, 3)
     center = (points.min(axis=0) + points.max(axis=0)) / 2.0
     return center, float(np.linalg.norm(points - center, axis=1).max())
-
-
-def _scene_of(points: Array, mi: ModuleType) -> MitsubaObject:
-    mesh = mi.Mesh("body", vertex_count=len(points), face_count=len(points) // 3)
-    parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = Device(mi).single(points)
-    parameters["faces"] = Device(mi).index(np.arange(len(points)))
-    parameters.update()
-    return mi.load_dict({"type": "scene", "body": mesh})

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +46,11 @@ class Triangles:
     normal: Array
     offset: Array
     first: npt.NDArray[np.int64]
+
+    @cached_property
+    def part(self) -> npt.NDArray[np.int32]:
+        """Row of each triangle in the part table, shape (num_faces,)."""
+        return np.repeat(np.arange(len(self.first) - 1, dtype=np.int32), np.diff(self.first))
 
     @classmethod
     def from_meshes(cls, vertices: Sequence[Array], faces: Sequence[npt.NDArray[np.int64]]) -> Triangles:

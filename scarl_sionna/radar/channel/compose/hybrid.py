@@ -138,7 +138,8 @@ def _affordable(
                 1.0 + sum(len(seen.objects) * (count(len(seen.mirrors)) - 1) for seen in over) / len(owned)
                 for count in (num_ways, num_pairs)
             )
-            work[index] = Work(Bodies(state, radar, own, owned), stations_of(radar, mount), ways, pairs)
+            bodies = Bodies(state, radar, own, owned, mount.pose.position)
+            work[index] = Work(bodies, stations_of(radar, mount), ways, pairs)
     knobs, cost = affordable(list(work.values()), settings.accuracy, settings.auto.levels)
     shares = list(plan.shares)
     for index, chosen in zip(work, knobs, strict=True):
@@ -238,7 +239,7 @@ class _Work:
         """Return the meshes of a share, made ready once."""
         key = tuple(owned)
         if key not in self._meshes:
-            self._meshes[key] = Meshes(Bodies(self.state, self.radar, settings, key))
+            self._meshes[key] = Meshes(Bodies(self.state, self.radar, settings, key, self.mount.pose.position))
         return self._meshes[key]
 
     def _settings(self, share: Share, owned: Sequence[int]) -> RadarSettings:

@@ -123,7 +123,8 @@ def solve_raycast(
     }
     with variant.optical() as mi:
         start = time.perf_counter()
-        kernel = RaycastKernel(StateRays(mi, state), state, radar, mount, Task(rays_of, knobs, reach, owned))
+        task = Task(rays_of, knobs, reach, owned)
+        kernel = RaycastKernel(StateRays(mi, state, pose.position), state, radar, mount, task)
         found = Hits.joined(
             [
                 kernel.hits(first, min(first + RAYS_PER_BATCH, rays_of.num_rays))

@@ -21,6 +21,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.rays.face_planes import FaceTable, face_table
 from scarl_sionna.engine.rays.face_rays import StateRays
+from scarl_sionna.engine.rays.nearby import scene_near
 from scarl_sionna.engine.smooth.surface import state_sheets, state_surface
 from scarl_sionna.radar.optics.body.mesh import MOSTLY_COARSE
 from scarl_sionna.radar.optics.faces.curved import CurvedFaces, DeviceCurves
@@ -49,12 +50,15 @@ class Bodies:
         Those of the solve.
     instances : sequence of int
         What scatters; the rest hides what is behind it.
+    place : ndarray of float64, shape (3,), optional
+        Where the stations are, about [m, world]; left out: near the world's origin.
     """
 
     state: WorldState
     radar: RadarSpec
     settings: RadarSettings
     instances: Sequence[int]
+    place: Array | None = None
     _warned: set[str] = field(default_factory=set)
 
     @property
@@ -72,7 +76,7 @@ class Bodies:
     def active(self) -> Iterator[None]:
         """Enter the variant of the rays, with the state in the engine's scene."""
         with variant.optical():
-            self.state._applied("optical")
+            scene_near(self.state, self.place, "optical")
             yield
 
     def warn_once(self, kind: str, text: str) -> None:
@@ -136,7 +140,7 @@ class Bodies:
     def rays(self) -> StateRays:
         """Rays of the state; use them, and what follows, inside :meth:`active`."""
         with variant.optical() as mi:
-            return StateRays(mi, self.state)
+            return StateRays(mi, self.state, self.place)
 
     @cached_property
     def panes(self) -> Panes | None:

@@ -112,10 +112,12 @@ def solve_sbr(
     ----------
     .. [1] H. Ling, R.-C. Chou, S.-W. Lee, "Shooting and Bouncing Rays", IEEE Trans. Antennas Propag. 37(2), 1989.
     """
-    for station in [mount] if receiver is None else [mount, receiver]:
+    stations = [mount] if receiver is None else [mount, receiver]
+    for station in stations:
         check_antennas(state, radar, station.pose)
     chosen, left_out = _chosen(state, settings.instances)
-    bodies = Bodies(state, radar, settings, chosen)
+    place = np.mean([station.pose.position for station in stations], axis=0)
+    bodies = Bodies(state, radar, settings, chosen, place)
     ends = [(mount, receiver)]
     if receiver is not None and bodies.knobs.reciprocal:
         ends.append((receiver, mount))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.rays.face_planes import FaceTable
-from scarl_sionna.engine.rays.face_rays import SMALLEST_LIFT, STATE_LIFT, StateRays
+from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.world import WorldState
 from scarl_sionna.scene.materials.fresnel import reflection
 
@@ -108,7 +108,7 @@ class EdgeView:
     def _is_seen(self, wedges: Wedges) -> npt.NDArray[np.bool_]:
         """Return which middles are in the view of both stations, with nothing in between."""
         point = wedges.center
-        lift = _LIFTS * np.maximum(STATE_LIFT * np.abs(point).max(axis=1, initial=0.0), SMALLEST_LIFT)
+        lift = _LIFTS * self.rays.lift_of(point)
         off = point + lift[:, None] * wedges.middle()
         length = sum(np.linalg.norm(point - station.pose.position, axis=1) for station in (self.tx, self.rx))
         seen = np.asarray(length < 2.0 * self.reach)
