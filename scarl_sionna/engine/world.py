@@ -45,7 +45,7 @@ from .rays.cast import Target, cast_rays
 from .rays.enclosure import enclosing, hits_above, is_left_behind
 from .rays.footing import Footing
 from .rays.geometry import Triangles, upright_box
-from .rays.nearby import middle_of, scene_near
+from .rays.nearby import middle_of, release_near, scene_near
 from .snow_cover import SKY, snow_covered
 from .threads import many_threads
 from .twins import MeshData, Twin
@@ -216,6 +216,7 @@ class World(Described):
     def release(self, kind: str) -> None:
         """Let go of a twin; it is loaded again when it is asked for."""
         self._twins.pop(kind, None)
+        release_near(self._triangles, kind)
 
     def _sheltered(self, places: Array) -> int:
         """Return how many of places (n, 3) [m] have something above them."""
