@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.prompt.arguments import expect
 from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
@@ -15,6 +19,10 @@ from scarl_sionna.scene.materials.table import MaterialTable, load_materials
 from .world import World
 
 __all__ = ["load_scene", "stage"]
+
+FAR_OUT = 4096.0
+"""What stands still wholly beyond this [m] has vertices in steps of 0.5 mm and more: float32. At 77 GHz echoes of round
+bodies are within 0.5 dB up to 2 km, off by 1 dB from here on, by 3 dB at 10 km and by 10 dB and more at 20 km."""
 
 
 def load_scene(
@@ -58,10 +66,12 @@ def load_scene(
     -----
     MapWarning
         If a map holds what is not used; ``world.document.info["findings"]`` lists it by line.
+    ScarlWarning
+        If something stands still so far from the origin that its shape is lost in float32.
     """
     expect("name_or_path", name_or_path, (str, Path), "give the name of a scene or the path of an XML file")
     document = read_document(find_scene(name_or_path, variant, detail), detail)
-    return World(document, materials or load_materials())
+    return _warned_of_far_shapes(World(document, materials or load_materials()))
 
 
 def stage(
@@ -92,4 +102,22 @@ def stage(
     if isinstance(world, World):
         return world.with_actors(actors, ego)
     document = read_document(find_scene(world, variant, detail), detail)
-    return World(stage_document(document, actors, ego), load_materials())
+    return _warned_of_far_shapes(World(stage_document(document, actors, ego), load_materials()))
+
+
+def _warned_of_far_shapes(world: World) -> World:
+    """Return a world; warn if a static part lies wholly beyond `FAR_OUT` along an axis of the world."""
+    lower, upper = world.part_bounds()
+    nearest = np.maximum(lower, -upper).max(axis=1)
+    far = np.flatnonzero((world.parts.actor < 0) & (nearest > FAR_OUT))
+    if len(far):
+        first = int(far[nearest[far].argmax()])
+        step = 1e3 * float(np.spacing(np.float32(nearest[first])))
+        warnings.warn(
+            f"'{world.parts.name[first]}' and {len(far) - 1} more static shapes are up to {nearest[first] / 1e3:.3g} km"
+            f" from the world's origin, where their vertices are in steps of {step:.2g} mm (float32): phases of echoes"
+            " and fine shapes are off; move the scene to the origin. Actors are as exact as anywhere",
+            ScarlWarning,
+            stacklevel=3,
+        )
+    return world

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gc
+import warnings
 import weakref
 
 import numpy as np
 import pytest
 
+from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -18,6 +20,8 @@ from scarl_sionna.engine.world import World
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.paths import RadarPaths
 from tests.scenes import Thing, box, plane, write_scene
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*from the world's origin")
 
 RADAR = RadarSpec(elevation_fov_deg=90.0)
 SENSOR = (0.0, 0.0, 0.75)
@@ -127,3 +131,14 @@ def test_rays_from_all_over_a_world_have_no_frame() -> None:
     assert middle_of(np.array([[0.0, 0.0, 0.0], [5000.0, 0.0, 0.0]])) is None
     assert middle_of(np.zeros((0, 3))) is None
     np.testing.assert_array_equal(middle_of(np.array([[500.0, 0.0, 0.0], [510.0, 2.0, 0.0]])), [505.0, 1.0, 0.0])
+
+
+def test_static_shapes_far_out_are_warned_of(tmp_path) -> None:
+    """Those whose vertices are in steps of 0.5 mm and more, with the largest step; actors are not."""
+    with pytest.warns(ScarlWarning, match=r"up to 20 km .* steps of 2 mm"):
+        _world(tmp_path / "far", 20000.0, "static")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        _world(tmp_path / "near", 3000.0, "static")
+        place = {"kind": "constant_twist", "position": [20000.0, 0, 0], "velocity": [0, 0, 0]}
+        load_scene(write_scene(tmp_path / "actor", actors=[Thing("body", box((1, 1, 1)), trajectory=place)]))
