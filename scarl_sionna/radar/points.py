@@ -12,6 +12,7 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.reads import refuse_unread
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.signal.link import spreading
 
@@ -160,6 +161,7 @@ def solve_points(
     **fields
         Fields of the settings, as in :func:`scarl_sionna.solve_paths`.
     """
+    refuse_unread("sionna", fields)
     chosen = (settings or RadarSettings()).changed("sionna", **fields)
     second = None if receiver is None else state.as_mount(receiver)
     return solve_sionna(state, radar, state.as_mount(mount), chosen, second, Sought(points, environment))

@@ -184,7 +184,7 @@ class RadarSettings(Spec):
         chosen = method or self.method
         changes: dict[str, Any] = {} if method is None else {"method": method}
         for name, value in fields.items():
-            part = self._part_with(name, chosen)
+            part = self.part_of(name, chosen)
             if part is None:
                 changes[name] = value
             else:
@@ -216,8 +216,14 @@ class RadarSettings(Spec):
             )
 
     @classmethod
-    def _part_with(cls, name: str, method: str) -> str | None:
-        """Return which part has a field, None for these settings themselves."""
+    def part_of(cls, name: str, method: str) -> str | None:
+        """Return which part has a field of a short form, None for these settings themselves.
+
+        Raises
+        ------
+        UnknownNameError, ParameterRangeError
+            As of :meth:`of`.
+        """
         if name in cls.model_fields:
             return None
         parts = {part: kind for part, kind in _PARTS.items() if name in kind.model_fields}

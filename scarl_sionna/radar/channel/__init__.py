@@ -8,7 +8,8 @@ from scarl_sionna.core.errors import InputTypeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.plan import ChannelPlan, Share
-from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.radar import METHODS, RadarSettings
+from scarl_sionna.core.settings.reads import refuse_unread, warn_of_unread
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import PathBufferOverflowError
@@ -68,7 +69,8 @@ def solve_paths(
         Of a separate receiver (bistatic), for ``"sbr"`` and ``"sionna"``.
     **fields
         Short form: fields of the settings, for instance ``solve_paths(state, radar, mount, "raycast",
-        num_rays=10_000)``; see :meth:`scarl_sionna.RadarSettings.of`.
+        num_rays=10_000)``; see :meth:`scarl_sionna.RadarSettings.of`. What has no effect with the method is refused;
+        in `settings`, which may be those of many methods, it is warned of.
 
     Returns
     -------
@@ -81,12 +83,13 @@ def solve_paths(
     InputTypeError
         If an argument has another type.
     ParameterRangeError
-        If a value is not allowed.
+        If a value is not allowed, or a field has no effect with the method.
 
     Warns
     -----
     ScarlWarning
-        If a bare pose stands on or in a moving actor, or the solver is used where it is not right.
+        If a bare pose stands on or in a moving actor, the solver is used where it is not right, or something in
+        `settings` that is neither the default nor of a quality has no effect with the method.
     """
     if isinstance(state, World):
         raise InputTypeError("state", state, "a WorldState", "give world.at(time), for instance world.at(0.0)")
@@ -95,6 +98,7 @@ def solve_paths(
     if not isinstance(radar, RadarSpec):
         raise InputTypeError("radar", radar, "a RadarSpec", "for instance RadarSpec.preset('awr1843boost')")
     chosen = _settings(method, settings, fields)
+    warn_of_unread(chosen)
     place = state.as_mount(mount)
     if chosen.method in ("raycast", "scatterers") or (chosen.method == "sbr" and chosen.sbr.pane_loss_db is None):
         warn_of_panes(state, radar, place.pose, chosen.method, chosen.warn_at)
@@ -111,9 +115,19 @@ def solve_paths(
 
 def _settings(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:
     """Return the settings of a solve, from their full form or a short one."""
-    if settings is None or isinstance(settings, RadarSettings):
-        return (settings or RadarSettings()).changed(method, **fields)
+    if settings is not None and not isinstance(settings, RadarSettings):
+        name = _part_of(settings)
+        fields = {name: settings, **fields}
+        method = name if method is None and name in METHODS else method
+        settings = None
+    chosen = (settings or RadarSettings()).changed(method)
+    refuse_unread(chosen.method, fields)
+    return chosen.changed(None, **fields)
+
+
+def _part_of(settings: Spec) -> str:
+    """Return which part of the settings has this class."""
     for name, field in RadarSettings.model_fields.items():
         if isinstance(settings, Spec) and field.annotation is type(settings):
-            return RadarSettings.of(method or name, **{name: settings}).changed(None, **fields)
+            return name
     raise InputTypeError("settings", settings, "a RadarSettings, or the settings of one solver")

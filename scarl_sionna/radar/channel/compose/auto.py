@@ -16,6 +16,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.auto import SbrLevel
 from scarl_sionna.core.settings.plan import ChannelPlan, Reflection, Share
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.reads import refuse_unread
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.antennas import refuse_receiver
@@ -124,7 +125,13 @@ def plan_channel(
     settings : RadarSettings, optional
     **fields
         Fields of the settings, as in :func:`scarl_sionna.solve_paths`.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a field has no effect with ``method="auto"``.
     """
+    refuse_unread("auto", fields)
     view, chosen, plan = _planned(
         state, radar, Mount.of(mount), (settings or RadarSettings()).changed("auto", **fields)
     )
