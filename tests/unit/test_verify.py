@@ -23,7 +23,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
-from scarl_sionna.radar.channel.compose.auto import _planned
+from scarl_sionna.radar.channel.compose import verify
+from scarl_sionna.radar.channel.compose.auto import _missed, _planned
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
 from scarl_sionna.radar.channel.compose.expected_error import levels_db, reverse_doubts
 from scarl_sionna.radar.channel.compose.verify import _chain, _Work, met
@@ -235,6 +236,23 @@ def test_an_object_of_which_hardly_anything_is_seen_is_computed_finer(tmp_path) 
     assert 0.0 < row["visible_share"] * AutoSettings().num_probes < 5.5
     other = solved(state, channel_tolerance_db=3.0, refine_share=1.0, few_probes=0)
     assert row["refined"] and not rows(other)["van"]["refined"]
+
+
+@pytest.mark.parametrize(("expected", "tolerance", "stated"), [(1.004, 1.0, "1.01"), (1.3, 1.0, "1.3"), (0.3, 0.3, "")])
+def test_an_error_over_the_tolerance_is_stated_so_and_with_a_remedy_that_there_is(
+    monkeypatch, expected: float, tolerance: float, stated: str
+) -> None:
+    monkeypatch.setattr(verify, "kept_error", lambda *_: expected)
+    settings = RadarSettings(accuracy=Accuracy(channel_tolerance_db=tolerance))
+    kept = met([], {}, SimpleNamespace(rules=settings.auto, settings=settings))
+    assert kept["met"] == (kept["expected_error_db"] <= tolerance) == (not stated)
+    for level in LEVELS.values():
+        text = _missed(kept, SimpleNamespace(level=level), settings)
+        assert text.startswith("the echo of 90 %") == bool(stated)
+        assert f"within {stated} dB, the tolerance is {tolerance:g} dB; " in text or not stated
+        if stated and level.tolerance_db <= tolerance:
+            assert ("ask for a finer one" in text) == (level.tolerance_db > 0.3)
+            assert ("no finer level is tested" in text) == (level.tolerance_db == 0.3)
 
 
 def test_as_many_of_the_bright_objects_keep_the_tolerance(state) -> None:

@@ -192,11 +192,22 @@ def _missed(kept: Mapping[str, Any], chosen: Chosen, settings: RadarSettings) ->
     if level > tolerance and kept["num_by_class"] < kept["num_counted"]:
         short.append(f"the others are computed at the level of {level:g} dB")
     reason = f"a budget of {tubes} tubes pays for no more: {', '.join(short)}; " if short else ""
-    remedy = f"raise Accuracy.{budget}" if short else "ask for a finer one"
+    if short:
+        remedy = f"raise Accuracy.{budget}"
+    elif chosen.level == settings.auto.levels[-1]:
+        remedy = "no finer level is tested: give those with the largest expected error to 'sbr' with your own settings"
+    else:
+        remedy = "ask for a finer one"
     return (
         f"the echo of 90 % of the {kept['num_counted']} objects that can be detected is expected to be within "
-        f"{kept['expected_error_db']:.1f} dB, the tolerance is {tolerance:g} dB; {reason}{remedy}"
+        f"{_above(kept['expected_error_db'], tolerance)} dB, the tolerance is {tolerance:g} dB; {reason}{remedy}"
     )
+
+
+def _above(value: float, limit: float) -> str:
+    """Return a number that is over a limit with as many decimals as show it, at least one, at most two."""
+    short = f"{value:.1f}"
+    return short if float(short) > limit else f"{value:.2f}"
 
 
 def _plan(view: View, chosen: Chosen) -> ChannelPlan:
