@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ SETTINGS = RadarSettings(raycast={"num_rays": 100_000}, accuracy=Accuracy(tube_b
 COARSEST = Accuracy(channel_tolerance_db=6.0)
 """No level of `sbr` is coarser: what the budget does not pay for is left out."""
 POSE = Pose([0.0, 0.0, 0.6])
+MEASURED = Path(__file__).parents[2] / "docs/figures/data/whole_streets.jsonl"
 MATERIALS = {"asphalt": Material(radio="asphalt"), "leaf": Material(radio="foliage")}
 
 
@@ -354,11 +356,20 @@ def test_the_plan_says_what_it_expects_and_the_paths_whether_it_is_met(state, pa
     plan = plan_channel(state, RADAR, POSE, settings=SETTINGS)
     assert plan.predicted["tubes"] == sum(entry["tubes"] for entry in choices(paths).values()) > 0
     assert paths.diagnostics["predicted"] == dict(plan.predicted)
-    with pytest.warns(ScarlWarning, match=r"expected to be within 8\.0 dB, the tolerance is 1 dB"):
+    with pytest.warns(ScarlWarning, match=r"expected to be within 38\.0 dB, the tolerance is 1 dB"):
         poor = solve_paths(state, RADAR, POSE, settings=SETTINGS, tube_budget=0)
-    assert poor.diagnostics["met"] is False and poor.diagnostics["expected_error_db"] >= 8.0
+    assert poor.diagnostics["met"] is False and poor.diagnostics["expected_error_db"] >= 38.0
     rich = solve_paths(state, RADAR, POSE, settings=SETTINGS, tube_budget=10**7)
     assert rich.diagnostics["num_counted"] >= 1 and rich.diagnostics["expected_error_db"] < 8.0
+
+
+def test_the_error_of_a_class_is_what_most_objects_keep() -> None:
+    """Against all objects that `raycast` was measured with, by the references of whole streets and fields."""
+    lines = [json.loads(line) for line in MEASURED.read_text().splitlines()]
+    rows = [line["methods"]["raycast"]["error_db"] for line in lines if "raycast" in line["methods"]]
+    errors = np.abs([error for row in rows for error in row.values()])
+    assert len(errors) > 1_500
+    assert 0.85 <= np.mean(errors <= AutoSettings().errors.by_class_db) <= 0.9
 
 
 def test_a_ground_bounce_that_is_not_computed_is_told(tmp_path) -> None:

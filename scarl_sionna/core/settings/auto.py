@@ -158,9 +158,10 @@ class ErrorEstimate(Spec):
         "what differs is side lobes without a twin, hardly what tubes lack; docs/accuracy.md, expected error",
     )
     by_class_db: Decibels = Field(
-        8.0,
+        38.0,
         ge=0.0,
-        description="error of an object that is left to its class's reflectivity; docs/accuracy.md, highway",
+        description="error of an object that is left to its class's reflectivity: 88 % of 1,555 objects that `raycast` "
+        "computes keep it [dB]; docs/accuracy.md, whole streets",
     )
 
 

@@ -320,11 +320,12 @@ def computed_error(level: SbrLevel) -> float:
 def _planned_error(choice: Choice, computed_db: float, rules: AutoSettings) -> float:
     """Return the error of an object by what the budget pays for [dB], from that of objects that are computed.
 
-    A reflection that alone shows an object has no number of decibels: each counts as the class's error at most.
+    A reflection that alone shows an object has no number of decibels: each counts as the class's error at most, which
+    holds for objects with all their reflections.
     """
     by_class = rules.errors.by_class_db
     if choice.over_budget:
-        return by_class + (min(choice.changes[0].change_db, by_class) if choice.changes else 0.0)
+        return by_class
     return max(computed_db, 0.0 if choice.without is None else min(choice.without.change_db, by_class))
 
 
