@@ -8,24 +8,28 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
-from scarl_sionna.radar.channel import plan_channel, solve_paths
-from scarl_sionna.radar.channel.compose.budget import Surface
+from scarl_sionna.radar.channel import ChannelPlan, Share, plan_channel, solve_paths
+from scarl_sionna.radar.channel.compose.budget import Surface, path_unit
+from scarl_sionna.radar.channel.compose.expected_error import levels_db
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
 from scarl_sionna.radar.channel.compose.reflections import WHOLE_SHARE, Sight, changes, sights
-from tests.scenes import Thing, box, plane, write_scene
+from tests.scenes import Material, Thing, box, plane, write_scene
 
 RADAR = RadarSpec()
 COARSEST = Accuracy(channel_tolerance_db=6.0)
 """No level of `sbr` is coarser: what the budget does not pay for is left out."""
 POSE = Pose([0.0, 0.0, 0.6])
+RADIO = {name: Material(radio=name) for name in ("metal", "glass", "brick")}
 
 
 def choices(paths) -> dict[str, dict]:
@@ -164,3 +168,64 @@ def test_a_wall_behind_the_radar_whose_ghost_is_in_view_is_a_mirror_and_no_body(
     paths = solve_paths(state, RADAR, POSE, num_rays=20_000, max_distance=30.0)
     both = paths.is_mirror_chain & (paths.depth == 2)
     assert both.any() and paths.length[both] / 2.0 == pytest.approx(12.0 + 5.0, abs=1e-3)
+
+
+SIDE = ((12.0, 0.1, 3.0), (8.0, 4.05, 2.0))
+"""Size and place of a wall along the way, whose mirror point is not on it [m]."""
+
+
+def wall_alone(folder, mesh, material: str, semantic: str = "Wall"):
+    """Return the paths by `auto` of a wall alone, and what `raycast` makes of it."""
+    state = load_scene(write_scene(folder, [Thing("wall", mesh, semantic, material)], materials=RADIO)).at(0.0)
+    pose = Pose([0.0, 0.0, 0.8])
+    return solve_paths(state, RADAR, pose, num_rays=200_000), solve_paths(
+        state, RADAR, pose, "raycast", num_rays=200_000
+    )
+
+
+def mean_db(paths) -> float:
+    return 10.0 * float(np.log10(np.sum(np.abs(paths.a[:, 0, 0]) ** 2)))
+
+
+@pytest.mark.parametrize("semantic", ["Wall", "Building"])
+def test_a_smooth_wall_has_no_rough_part_by_class(tmp_path, semantic: str) -> None:
+    """Steel scatters nothing, glass (S = 0.05, no heights) 4 S^2 R(0) cos against gamma R(theta) of its class."""
+    steel, _ = wall_alone(tmp_path / "steel", box(*SIDE), "metal", semantic)
+    assert steel.num_paths == 0 and choices(steel)["wall"]["reason"].endswith("by its material")
+    (edges,) = (entry for entry in steel.diagnostics["left_out"] if entry["kind"] == "edges")
+    state = load_scene(write_scene(tmp_path / "edges", [Thing("wall", box(*SIDE), semantic, "metal")], materials=RADIO))
+    traced = solve_paths(state.at(0.0), RADAR, Pose([0.0, 0.0, 0.8]), "sbr")
+    level = levels_db(traced, RADAR, [1])[1] + 10.0 * np.log10(path_unit(RADAR))  # over the noise of a cell
+    assert edges["strongest"] == ["wall"] and abs(edges["expected_to_noise_db"] - level) < 6.0
+    glass, by_class = wall_alone(tmp_path / "glass", box(*SIDE), "glass", semantic)
+    gamma = {"Wall": 0.3, "Building": 1.0}[semantic]
+    assert glass.num_paths > 0 and mean_db(glass) < mean_db(by_class) + 10.0 * np.log10(4.0 * 0.05**2 / gamma)
+    brick, rough = wall_alone(tmp_path / "brick", box(*SIDE), "brick", semantic)
+    assert np.array_equal(brick.a, rough.a) and choices(brick)["wall"]["reason"].endswith("by class")
+
+
+def test_it_still_flashes_where_it_faces_the_radar(tmp_path) -> None:
+    """A wall of steel across the way is the image of the radar at twice its distance, exactly."""
+    wall, _ = wall_alone(tmp_path, box((0.2, 12.0, 6.0), (10.1, 0.0, 1.0)), "metal")
+    (flash,) = np.flatnonzero(np.abs(wall.a[:, 0, 0]) > 0.0)
+    assert wall.length[flash] == pytest.approx(20.0, abs=1e-6)
+    reflectance = float(np.abs(wall.a[flash, 0, 0])) / (RADAR.wavelength / (4.0 * np.pi * 20.0))
+    assert 0.98 < reflectance <= 1.0
+
+
+def test_a_wall_with_structure_keeps_the_rough_part_by_class(tmp_path) -> None:
+    """Ribs of steel on a third of a wall, or frames of a rough material: a class stands for them."""
+    ribs = [box((0.2, 0.3, 3.0), (x, 3.85, 2.0)) for x in np.arange(2.5, 14.0, 0.5)]
+    ribbed, by_class = wall_alone(tmp_path / "ribs", trimesh.util.concatenate([box(*SIDE), *ribs]), "metal")
+    assert np.array_equal(ribbed.a, by_class.a) and ribbed.num_paths > 0
+    assert choices(ribbed)["wall"]["reason"].endswith("by class")
+
+
+def test_plans_say_which_parts_go_by_their_material(tmp_path) -> None:
+    state = load_scene(write_scene(tmp_path, [Thing("wall", box(*SIDE), "Wall", "metal")], materials=RADIO)).at(0.0)
+    plan = plan_channel(state, RADAR, Pose([0.0, 0.0, 0.8]))
+    (share,) = plan.shares
+    assert share.by_material == (0,) and ChannelPlan(**plan.to_dict()).shares == plan.shares
+    with pytest.raises(ParameterRangeError, match="by_material = given for 'sbr'"):
+        Share("sbr", by_material=(0,))
+    assert "by_material" not in Share("raycast").to_dict()

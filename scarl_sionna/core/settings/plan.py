@@ -131,14 +131,17 @@ class Share(Described):
     lit : sequence of str or int
         Names, ids or classes, all of the share: what waves meet first. The others of the share only take part in
         bounces. All if empty; for `sbr` only.
+    by_material : sequence of int
+        Rows of the table of parts: flat mirrors whose rough part follows the law of their material, none if that is
+        smooth, and not their class; for `raycast` only.
 
     Raises
     ------
     UnknownNameError
         If there is no such solver of objects, or no such field in its settings.
     ParameterRangeError
-        If `instances` or `lit` is a text, `through_mirrors` is asked of a solver that is not coherent, or `lit` of
-        another one than `sbr`.
+        If `instances` or `lit` is a text, `through_mirrors` is asked of a solver that is not coherent, `lit` of
+        another one than `sbr`, or `by_material` of another one than `raycast`.
     """
 
     solver: str
@@ -148,6 +151,7 @@ class Share(Described):
     reason: str = ""
     reflections: tuple[Reflection, ...] = ()
     lit: tuple[str | int, ...] = ()
+    by_material: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if self.solver not in OBJECT_SOLVERS:
@@ -164,6 +168,11 @@ class Share(Described):
             object.__setattr__(self, name, tuple(value))
         if self.lit and self.solver != "sbr":
             raise ParameterRangeError("lit", f"given for '{self.solver}'", "'sbr', whose bodies bounce", "leave it out")
+        object.__setattr__(self, "by_material", tuple(int(part) for part in self.by_material))
+        if self.by_material and self.solver != "raycast":
+            raise ParameterRangeError(
+                "by_material", f"given for '{self.solver}'", "'raycast', which has classes", "leave it out"
+            )
         object.__setattr__(self, "settings", _settings(OBJECT_SOLVERS[self.solver], self.settings, "Share.settings"))
         over = tuple(
             item if isinstance(item, Reflection) else of_mapping(Reflection, item) for item in self.reflections
@@ -189,6 +198,7 @@ class Share(Described):
             "reflections": [item.to_dict() for item in self.reflections],
             "reason": self.reason,
             "lit": list(self.lit),
+            **({"by_material": list(self.by_material)} if self.by_material else {}),
         }
 
 

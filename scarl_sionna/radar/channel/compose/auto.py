@@ -224,7 +224,8 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
         numbers = tuple(sorted(choice.item.number for choice in own))
         shares.append(Share(solver, numbers, settings, reason=reason, reflections=_reflections(view, own)))
     rest = tuple(sorted(choice.item.number for choice in choices if choice.method in ("raycast", "out of view")))
-    shares.append(Share("raycast", rest, reason="clutter, and what is over the budget"))
+    reason = "clutter, and what is over the budget"
+    shares.append(Share("raycast", rest, reason=reason, by_material=chosen.by_material))
     used = {view.instance(mirror) for choice in choices for mirror in choice.mirrors}
     used |= {view.instance(mirror) for mirror in echoing}
     tubes = sum(choice.cost for choice in choices)

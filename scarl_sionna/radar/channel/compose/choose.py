@@ -17,6 +17,7 @@ from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings, SbrLevel
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.channel.raycast.class_rcs import is_smoother_than_class
 from scarl_sionna.radar.channel.sbr.cost import patches_in
 from scarl_sionna.radar.optics.faces.panes import pane_parts
 from scarl_sionna.radar.optics.patches import PatchSize
@@ -36,7 +37,7 @@ from .budget import (
 )
 from .left_out.reach import Boxes, Looker, MirrorWays, Reach
 from .mirror_legs import MirrorView
-from .mirrors import Mirror, faces_towards, find_mirrors
+from .mirrors import Mirror, faces_towards, find_mirrors, flat_parts
 from .reflections import changes, sights
 from .spend import Choice, num_pairs, num_ways, spend
 
@@ -226,11 +227,14 @@ class Chosen:
     level : SbrLevel
         How finely coherent bodies are computed: that of the tolerance, or a coarser one where the budget then leaves
         less to class and without reflections.
+    by_material : tuple of int
+        Parts that are flat mirrors, whose rough part is that of their material.
     """
 
     choices: list[Choice]
     mirrors: list[Mirror]
     level: SbrLevel
+    by_material: tuple[int, ...]
 
 
 def choose(view: View) -> Chosen:
@@ -240,6 +244,7 @@ def choose(view: View) -> Chosen:
     for choice in choices.values():
         if choice.method == "sbr" and choice.item.number in flat:
             choice.method, choice.reason = "raycast", "large flat faces: a mirror; its rough part by class"
+    by_material = _by_material(view, [choice for choice in choices.values() if choice.item.number in flat])
     coherent = [
         choice
         for choice in choices.values()
@@ -263,7 +268,26 @@ def choose(view: View) -> Chosen:
             budget, _ = affordable_tubes(view.settings.accuracy, view.rules)
             text = f"{choice.tubes} tubes are more than is left of the budget of {budget}: RCS by class"
             choice.method, choice.reason, choice.tubes = "raycast", text, 0
-    return Chosen(list(choices.values()), mirrors, level)
+    return Chosen(list(choices.values()), mirrors, level, by_material)
+
+
+def _by_material(view: View, flat: Sequence[Choice]) -> tuple[int, ...]:
+    """Return parts of mirrors with an outline whose material scatters less than their class: smooth walls of steel.
+
+    Only of what is smooth all over, and of its parts only those that are flat: a class also stands for reveals, frames
+    and gutters.
+    """
+    world, frequency, found = view.state.world, view.radar.center_frequency, []
+    parts = flat_parts(view.state, view.candidates, view.pose.position) if flat else []
+    for choice in flat:
+        own, semantic = choice.item.info.parts, choice.item.info.semantic
+        materials = {world.materials[world.parts.material[part]] for part in own}
+        if choice.method != "raycast" or not choice.item.info.is_object or not (here := sorted(set(parts) & set(own))):
+            continue
+        if all(is_smoother_than_class(material, semantic, frequency) for material in materials):
+            choice.reason = "large flat faces: a mirror; its rough part by its material"
+            found += here
+    return tuple(found)
 
 
 def _level_to_take(view: View, own: list[Choice], mirrors: list[Mirror], levels: Sequence[SbrLevel]) -> SbrLevel:

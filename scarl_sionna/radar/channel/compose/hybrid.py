@@ -47,9 +47,6 @@ from .spend import num_pairs, num_ways
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
-SOLVERS_OF_OBJECTS = {"scatterers": solve_scatterers, "raycast": solve_raycast}
-"""Beside `sbr`, which keeps what the straight ways and those over mirrors share."""
-
 
 class DoubleCountError(ScarlError):
     """Two solvers gave paths with the same chain over the same mirror faces: a defect of a solver."""
@@ -219,8 +216,10 @@ class _Work:
             found = straight(meshes.bodies, next(traced), self.mount)
             for one in ghosts:
                 one.found = list(islice(traced, len(one.images)))
+        elif share.solver == "scatterers":
+            found = solve_scatterers(self.state, self.radar, self.mount, settings)
         else:
-            found = SOLVERS_OF_OBJECTS[share.solver](self.state, self.radar, self.mount, settings)
+            found = solve_raycast(self.state, self.radar, self.mount, settings, by_material=share.by_material)
         detail = {
             name: value for name, value in found.diagnostics.items() if name not in ("method", "left_out", "seconds")
         }

@@ -226,6 +226,27 @@ class _Planes:
         return cls(table, face, group, corners, first, total, nearest, *plane, lower, -upper)
 
 
+def flat_parts(state: WorldState, mirrors: Sequence[Mirror], position: Array) -> list[int]:
+    """Return the parts that are little else than flat mirrors where they face a point, by their areas.
+
+    Parameters
+    ----------
+    state : WorldState
+    mirrors : sequence of Mirror
+    position : ndarray of float64, shape (3,)
+        World [m].
+    """
+    faces = face_table(state)
+    triangles, parts = faces.triangles, sorted({mirror.part for mirror in mirrors})
+    rows = np.flatnonzero(np.isin(faces.part, parts))
+    corners = triangles.corners[rows]
+    across = row_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing = np.where(np.einsum("ij,ij->i", across, position - corners[:, 0]) > 0.0, row_norm(across), 0.0)
+    is_flat = np.isin(rows, np.concatenate([mirror.faces for mirror in mirrors]))
+    flat, whole = (np.bincount(faces.part[rows], area, max(parts) + 1) for area in (facing * is_flat, facing))
+    return [part for part in parts if flat[part] >= FLAT_SHARE * whole[part]]
+
+
 def ways(mirrors: Sequence[Mirror], depth: int) -> Iterator[Way]:
     """Yield every sequence of up to `depth` mirrors without the same one twice in a row, the straight way first."""
     level: list[Way] = [()]

@@ -14,10 +14,12 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SKY, semantic_id
 from scarl_sionna.core.settings.raycast import RaycastSettings
 from scarl_sionna.core.untrusted.toml_text import read_toml
+from scarl_sionna.scene.materials.fresnel import power_reflectance
 from scarl_sionna.scene.materials.rough import diffuse_albedo
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World
+    from scarl_sionna.scene.materials.table import RadioMaterial
 
 BUILTIN_FILE = Path(__file__).with_name("rcs_by_class.toml")
 
@@ -42,7 +44,26 @@ def _builtin() -> dict[str, Any]:
     return _entries(BUILTIN_FILE)
 
 
-def rough_ground(world: World, frequency: float, knobs: RaycastSettings) -> npt.NDArray[np.float64]:
+def is_smoother_than_class(material: RadioMaterial, semantic: int, frequency: float) -> bool:
+    """Return whether a material scatters less along its normal than its class has, by the law of rough surfaces.
+
+    Parameters
+    ----------
+    material : RadioMaterial
+    semantic : int
+        Of the class.
+    frequency : float
+        [Hz].
+    """
+    if material.volume_albedo or not material.covers(frequency):
+        return False
+    by_class = class_reflectivity()[semantic] * float(power_reflectance(material, frequency, 1.0)[0])
+    return 4.0 * diffuse_albedo(material, frequency) < by_class
+
+
+def rough_ground(
+    world: World, frequency: float, knobs: RaycastSettings, others: Iterable[int] = ()
+) -> npt.NDArray[np.float64]:
     """Return what each part of the ground sends back by the law of rough surfaces, NaN for parts that go by class.
 
     Parameters
@@ -52,6 +73,8 @@ def rough_ground(world: World, frequency: float, knobs: RaycastSettings) -> npt.
         [Hz].
     knobs : RaycastSettings
         Classes that its `class_rcs` names go by class.
+    others : iterable of int
+        Further parts that go by the law, whatever their class: nothing comes from them if they are smooth.
 
     Returns
     -------
@@ -61,18 +84,18 @@ def rough_ground(world: World, frequency: float, knobs: RaycastSettings) -> npt.
         whose :func:`~scarl_sionna.scene.materials.rough.layer_albedo` then is a factor.
     """
     result = np.full((len(world.parts.name), 3), np.nan)
-    if not knobs.rough_ground:
-        return result
     named: Iterable[str] = ()
     if knobs.class_rcs is not None:
         named = knobs.class_rcs if isinstance(knobs.class_rcs, Mapping) else _entries(knobs.class_rcs)
-    ground = [semantic_id(name) for name in GROUND if name not in named]
-    for part in np.flatnonzero(np.isin(world.parts.semantic, ground)):
+    ground = [semantic_id(name) for name in GROUND if name not in named] if knobs.rough_ground else []
+    by_class = [semantic_id(name) for name in named]
+    also = {part for part in others if world.parts.semantic[part] not in by_class}
+    for part in {*np.flatnonzero(np.isin(world.parts.semantic, ground)).tolist(), *also}:
         material = world.materials[world.parts.material[part]]
         if not material.covers(frequency):
             continue
         albedo = 1.0 if material.volume_albedo else diffuse_albedo(material, frequency)
-        if albedo > 0.0:
+        if albedo > 0.0 or part in also:
             crossed = material.xpd_coefficient
             result[part] = 4.0 * albedo * (1.0 - crossed), 4.0 * albedo * crossed, material.volume_albedo or 0.0
     return result

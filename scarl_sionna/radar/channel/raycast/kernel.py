@@ -108,6 +108,8 @@ class Task(NamedTuple):
     """[m]"""
     owned: npt.NDArray[np.bool_]
     """Which parts give paths, shape (num_parts,)."""
+    by_material: Sequence[int] = ()
+    """Parts that go by the law of their material, whatever their class."""
 
 
 class RaycastKernel:
@@ -130,7 +132,7 @@ class RaycastKernel:
         mount: Mount,
         task: Task,
     ) -> None:
-        grid, knobs, reach, owned = task
+        grid, knobs, reach, owned, by_material = task
         self._on, self._grid = rays, grid
         self._faces = MovingFaces(rays, state)
         self._arithmetic = _Complex(rays)
@@ -158,7 +160,7 @@ class RaycastKernel:
         covered = {name: state.world.materials[name].covers(frequency) for name in different}
         self._covered = np.array([covered[name] for name in state.world.parts.material], dtype=np.bool_)
         stacks = {name: _stack(state.world.materials[name], frequency) for name in different if covered[name]}
-        rough = rough_ground(state.world, frequency, knobs)
+        rough = rough_ground(state.world, frequency, knobs, by_material)
         gamma = class_reflectivity(knobs.class_rcs)[state.world.parts.semantic]
         by_law = ~np.isnan(rough[:, 0])
         table = np.column_stack(

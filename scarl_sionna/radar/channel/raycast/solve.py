@@ -47,7 +47,12 @@ DIFFUSE = 2
 
 
 def solve_raycast(
-    state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings, receiver: Mount | None = None
+    state: WorldState,
+    radar: RadarSpec,
+    mount: Mount,
+    settings: RadarSettings,
+    receiver: Mount | None = None,
+    by_material: Sequence[int] = (),
 ) -> RadarPaths:
     r"""Return the paths to the first surfaces that a fixed grid of rays hits.
 
@@ -63,6 +68,8 @@ def solve_raycast(
         what lies beyond) and `instances` (what gives paths; the rest hides what is behind it).
     receiver : Mount, optional
         Refused: this solver is monostatic.
+    by_material : sequence of int
+        Parts that go by the law of their material as the ground does, see :class:`~scarl_sionna.Share`.
 
     Returns
     -------
@@ -123,7 +130,7 @@ def solve_raycast(
     }
     with variant.optical() as mi:
         start = time.perf_counter()
-        task = Task(rays_of, knobs, reach, owned)
+        task = Task(rays_of, knobs, reach, owned, by_material)
         kernel = RaycastKernel(StateRays(mi, state, pose.position), state, radar, mount, task)
         found = Hits.joined(
             [

@@ -61,6 +61,7 @@ def left_out(view: View, chosen: Chosen, echoing: Sequence[Mirror]) -> tuple[Ent
     entries += _reflections(view, choices, chosen, floor)
     entries += _bounces(view, choices, {view.instance(mirror) for mirror in chosen.mirrors}, floor)
     entries += _chains(view, echoing, floor)
+    entries += _edges(view, choices, chosen, floor)
     return tuple(entries)
 
 
@@ -261,6 +262,31 @@ def _chains(view: View, echoing: Sequence[Mirror], floor: float) -> list[Entry]:
     return _entry(
         "mirror chains", reason, bound, None, lambda row: [table[view.instance(one)].name for one in ways[row]], floor
     )
+
+
+def _edges(view: View, choices: Sequence[Choice], chosen: Chosen, floor: float) -> list[Entry]:
+    r"""Return what the edges of smooth walls send back, an estimate: they have no rough part, and only `sbr` has edges.
+
+    Notes
+    -----
+    A straight edge across the line of sight at a distance s has :math:`\sigma = \lambda s / 2 \pi`: the coefficient
+    of a half plane [1]_, :math:`\sqrt{\lambda} / 4 \pi \, |1 \mp \sec \phi|`, with 2 for what depends on the angle.
+
+    References
+    ----------
+    .. [1] J. B. Keller, "Geometrical Theory of Diffraction", J. Opt. Soc. Am. 52(2), 1962, eq. (5).
+    """
+    smooth = set(view.state.world.parts.instance[list(chosen.by_material)].tolist())
+    walls = [choice for choice in choices if choice.item.number in smooth]
+    if not walls:
+        return []
+    near = np.array([view.nearest(choice.item) for choice in walls])
+    level = np.array([choice.item.expected_db - choice.item.source_db for choice in walls])
+    away = np.array([choice.item.distance for choice in walls])
+    field = 10.0 ** (level / 40.0) * away / near
+    power = cell_unit(view.radar) * field**4 * view.radar.wavelength * near / (2.0 * np.pi)
+    reason = "edges of smooth walls, which are mirrors and have no other echo"
+    return _entry("edges", reason, None, _decibels(power), partial(_name, walls), floor)
 
 
 def beyond_last_bounce(view: View, paths: RadarPaths, numbers: Sequence[int], level: SbrLevel) -> list[Entry]:
