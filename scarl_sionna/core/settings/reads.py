@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping
+from functools import cache
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.prompt.describe import short
@@ -87,7 +88,7 @@ def warn_of_unread(settings: RadarSettings) -> None:
 
 def unread(settings: RadarSettings) -> list[str]:
     """Return the names of settings, ``part.field``, of which :func:`warn_of_unread` warns."""
-    usual = [RadarSettings(), *(RadarSettings.preset(quality) for quality in QUALITIES)]
+    usual = _usual()
     allowed = READS[settings.method] | OF_FRAMES
     if settings.method == "hybrid":
         allowed |= READS["auto"]  # the settings that a plan was made by
@@ -105,6 +106,12 @@ def unread(settings: RadarSettings) -> list[str]:
             if f"{name}.{field}" not in allowed and getattr(value, field) not in others:
                 found.append(f"{name}.{field}")
     return found
+
+
+@cache
+def _usual() -> tuple[RadarSettings, ...]:
+    """Return the default settings, and those of the qualities."""
+    return RadarSettings(), *(RadarSettings.preset(quality) for quality in QUALITIES)
 
 
 def _is_read(path: str, allowed: Iterable[str]) -> bool:
