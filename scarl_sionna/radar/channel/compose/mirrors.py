@@ -28,6 +28,8 @@ _COMPARED = 1 << 18
 PRESELECTION_MARGIN = 0.1
 """Mirrors' boxes are widened by this part of their extent where ways are sorted out before they are traced: decides no
 accuracy."""
+FLAT_SHARE = 0.9
+"""Of the area of a part: what has less of it in flat mirrors has structure, which its class stands for; not charted."""
 
 
 @dataclass(frozen=True, eq=False)
