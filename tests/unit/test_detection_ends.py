@@ -12,6 +12,8 @@ from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.detection import RadarPoints, cfar, detect
+from scarl_sionna.signal.detection.beams import is_peak
+from scarl_sionna.signal.detection.leakage import leaked_over_the_ends
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 RADAR = RadarSpec().with_(num_chirps=32, num_samples=64)
@@ -35,6 +37,47 @@ def test_a_near_target_is_not_seen_at_the_largest_ranges(distance: float, window
     if window == "hann":  # without a window sidelobes of -50 dB stand at a hundred metres, as giants
         assert points.rcs.max() == pytest.approx(1.0, rel=0.05)
     assert points.range[0] == pytest.approx(np.hypot(distance, 0.05), abs=0.02)
+
+
+@pytest.mark.parametrize("per_beam", [False, True])
+def test_rain_nearby_is_not_seen_at_the_largest_ranges_and_a_target_there_is(per_beam: bool) -> None:
+    """Drops and the ground fill the first bins evenly: they pass no threshold, but leak over the end of the axis.
+
+    Their strongest cells have 36 dB of one channel over the noise. The target at 250 m (of 255.8 m) has 20 dB after
+    beamforming, and of 26 points there it is the one that stays.
+    """
+    radar, rng = RadarSpec().with_(num_chirps=64), np.random.default_rng(1)
+    away = rng.uniform(0.1, 9.0, 8000)
+    azimuth = rng.uniform(-1.0, 1.0, 8000)
+    drops = away[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(8000)], axis=1)
+    motion = np.outer(rng.uniform(-1.0, 1.0, 8000) * radar.unambiguous_velocity, [1.0, 0.0, 0.0])
+    places, velocities = np.vstack([drops, [[250.0, 0.0, 0.0]]]), np.vstack([motion, [[3.0, 0.0, 0.0]]])
+    strengths = [*(1e-7 * away**4 * rng.exponential(size=8000)), 300.0]  # the same power from everywhere
+    paths = point_targets(places, velocities, strengths, radar, Pose())
+    adc = synthesize(paths, radar, rng=rng)
+    rda = range_doppler_angle(virtual_cube(adc, radar), radar)
+    points = detect(rda, per_beam=per_beam)
+    far = points.range > 20.0
+    assert (points.range > 251.0).sum() == 0
+    assert far.sum() <= (2 if per_beam else 1)  # noise of 36 beams passes now and then
+    assert points.range[far][0] == pytest.approx(250.0, abs=0.1)
+    assert points.snr_db[far][0] == pytest.approx(21.0, abs=2.0)
+    drops_db = 10.0 * np.log10(rda.range_doppler.power[:, :4].max() / rda.noise_power)
+    assert 35.0 < drops_db < 38.0
+    assert detect(rda, peaks_only=False).range.max() > 255.0  # the leakage passes the threshold
+
+
+@pytest.mark.parametrize(("channels", "most"), [(1, 0.005), (12, 0.0)])
+def test_the_rate_in_noise_is_that_of_the_threshold(channels: int, most: float) -> None:
+    """Cells of noise are not taken for each other's sidelobes: of one channel in 600 maps 2 of 2219, of 12 none."""
+    radar = RADAR if channels == 12 else RADAR.with_(tx_positions=((0, 0, 0),), rx_positions=((0, 0, 0),))
+    rng, peaks, lost = np.random.default_rng(5), 0, 0
+    for _ in range(100):
+        cube = (rng.normal(size=(channels, 32, 64)) + 1j * rng.normal(size=(channels, 32, 64))).astype(np.complex64)
+        rd = range_doppler(cube, radar)
+        row, column = np.nonzero(cfar(rd, 3e-3) & is_peak(rd.power, range(2)))
+        peaks, lost = peaks + len(row), lost + int(leaked_over_the_ends(rd, row, column).sum())
+    assert peaks > 300 and lost <= most * peaks
 
 
 def test_ranges_are_not_negative() -> None:

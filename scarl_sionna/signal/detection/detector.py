@@ -121,11 +121,11 @@ def detect(
         tried = maxima(rda, manifold.axes, peaks_only)
         above = beams_above(rda, pfa, window, tried, **cast(Options, options))
         above |= tried & found.reshape(*found.shape, *(1,) * (tried.ndim - 2))
-        beams = _beams(rda, above, found, manifold, peaks_only)
+        beams = _beams(rda, above, manifold, peaks_only)
         return _points(rda, manifold, beams.cells(rd), beams, noise_floor(rd, power), how)
     row, column = np.nonzero(found & is_peak(power, range(2)) if peaks_only else found)
     if peaks_only:
-        own = ~leaked_over_the_ends(rd, found, row, column)
+        own = ~leaked_over_the_ends(rd, row, column)
         row, column = row[own], column[own]
     return _points(rda, manifold, Cells.of(rd, power, row, column), None, noise_floor(rd, power), how)
 
@@ -138,18 +138,12 @@ class _How(NamedTuple):
     method: Method
 
 
-def _beams(
-    rda: RangeDopplerAngle,
-    above: npt.NDArray[np.bool_],
-    summed: npt.NDArray[np.bool_],
-    manifold: Manifold,
-    peaks_only: bool,
-) -> Beams:
-    """Return the beams that stand out, without what may be leakage over the ends of a cell there or in the sum."""
+def _beams(rda: RangeDopplerAngle, above: npt.NDArray[np.bool_], manifold: Manifold, peaks_only: bool) -> Beams:
+    """Return the beams that stand out, without what may be leakage over the ends."""
     found = np.asarray(above.reshape(*above.shape[:2], -1).any(axis=2))
     row, column = np.nonzero(found)
     if peaks_only:
-        leaked = leaked_over_the_ends(rda.channels, found | summed, row, column)
+        leaked = leaked_over_the_ends(rda.channels, row, column)
         above[row[leaked], column[leaked]] = False
     return Beams.of(rda, above, manifold.axes)
 

@@ -43,19 +43,18 @@ def sidelobe_envelope(window: str, count: int, num_bins: int) -> Array:
     return np.asarray(np.minimum(np.maximum(envelope[nearest], _FLOOR) / half[_STEPS // 2], 1.0))
 
 
-def leaked_over_the_ends(
-    rd: RangeDoppler, found: npt.NDArray[np.bool_], doppler_index: Index, range_index: Index
-) -> npt.NDArray[np.bool_]:
-    """Return which cells may be the sidelobe of a detected cell of their row, reached over an end of the range axis.
+def leaked_over_the_ends(rd: RangeDoppler, doppler_index: Index, range_index: Index) -> npt.NDArray[np.bool_]:
+    """Return which cells may be the sidelobe of a stronger cell of their row, reached over an end of the range axis.
 
     The transform is periodic: a target at half a bin has the half of its main lobe at the largest ranges, where the
-    radar equation would make a giant of it.
+    radar equation would make a giant of it. Whatever exceeds the noise leaks, detected or not: rain nearby and the
+    ground behind it fill the first bins evenly and pass no threshold, but their leakage has empty cells around it.
 
     By definition of the window's transform; shape (num_cells,).
     """
     power = rd.power
     num_range = power.shape[1]
-    strong = found & (power > _TARGET * np.median(power))  # noise leaks, too, but is no wrong point
+    strong = power > _TARGET * np.median(power)  # noise leaks, too, but is no wrong point
     envelope = sidelobe_envelope(rd.window[0], rd.radar.num_range_bins, num_range)
     column = np.arange(num_range)
     leaked = np.zeros(len(range_index), dtype=bool)
