@@ -156,7 +156,7 @@ def radar_inputs(frame: StoredFrame, sensor: str, grid: PolarGrid = GRID) -> tup
         found.range / grid.max_range,
         unit[:, 1],
         found.snr_db / FULL_SNR_DB,
-        np.log10(np.maximum(found.rcs, 1e-6)) / 3.0,
+        np.log10(np.maximum(np.nan_to_num(found.rcs, nan=1.0), 1e-6)) / 3.0,  # 0 dBsm where it is not known
         velocity / 10.0,
         np.minimum(np.abs(velocity), 1.0),
     ]

@@ -190,7 +190,7 @@ def osi_sensor_data(frame: Frame, host: str = "ego", pfa: float = 1e-6) -> Messa
             osi.RadarDetection(
                 position=osi.Spherical3d(distance=float(r), azimuth=float(a), elevation=float(e)),
                 radial_velocity=float(-v),
-                rcs=float(size),
+                rcs=None if np.isnan(size) else float(size),  # a field that is not known is left out
                 snr=float(snr),
             )
             for r, a, e, v, size, snr in zip(

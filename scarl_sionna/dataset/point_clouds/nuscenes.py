@@ -22,6 +22,8 @@ from scarl_sionna.core.untrusted.files import MEGABYTE, read_bytes
 from .table import PointTable, table_of
 
 LARGEST = 16 * MEGABYTE
+UNKNOWN_RCS_DBSM = -64.0
+"""The least that the dataset's radar can send; in exported files an RCS that is not known."""
 NEEDED = ("x", "y", "rcs", "vx", "vy", "vx_comp", "vy_comp", "dyn_prop", "ambig_state", "invalid_state")
 _DATA = re.compile(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", re.MULTILINE)
 _NAME = re.compile(r"__(?P<sensor>[A-Za-z0-9_]+?)__(?P<time>\d{1,18})$")
@@ -85,7 +87,7 @@ def _columns(points: npt.NDArray[np.void], scan: int, sensor: int, time: float) 
         "elevation": np.full(len(points), np.nan),
         "radial_velocity": away[0] * points["vx"] + away[1] * points["vy"],
         "velocity_over_ground": away[0] * points["vx_comp"] + away[1] * points["vy_comp"],
-        "rcs_dbsm": points["rcs"].astype(np.float64),
+        "rcs_dbsm": np.where(points["rcs"] <= UNKNOWN_RCS_DBSM, np.nan, points["rcs"].astype(np.float64)),
     }
 
 

@@ -58,7 +58,7 @@ class PointTable(
     velocity_over_ground : ndarray of float64, shape (num_points,)
         The same with the radar's own motion taken out [m/s].
     rcs_dbsm, snr_db : ndarray of float64, shape (num_points,)
-        [dBsm], [dB].
+        [dBsm], nan where it is not known; [dB].
     group : ndarray of int64, shape (num_points,)
         Group of the road user that a point belongs to, an index into ``GROUP_NAMES``; -1: none, or not told.
     track : ndarray of int64, shape (num_points,)

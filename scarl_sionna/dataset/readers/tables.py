@@ -135,8 +135,8 @@ def detection_table(data: Convertible, radars: Sequence[str] = (), pfa: float = 
     pandas.DataFrame
         One row a detection, strongest first in each frame and radar: ``scene``, ``frame``, ``timestamp_ns``, ``radar``,
         ``range``, ``azimuth``, ``elevation``, ``radial_velocity``, ``velocity_over_ground`` (the radar's own motion
-        taken out), ``power``, ``snr_db``, ``rcs``, ``x y z`` in the radar frame, ``world_x world_y world_z``,
-        ``instance`` of the box that holds it (0: none).
+        taken out), ``power``, ``snr_db``, ``rcs`` (NaN where it is not known), ``x y z`` in the radar frame,
+        ``world_x world_y world_z``, ``instance`` of the box that holds it (0: none).
 
     Raises
     ------

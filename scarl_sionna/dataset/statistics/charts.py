@@ -136,8 +136,11 @@ def _densities(found: CountedPoints, column: str, edges: npt.NDArray[np.float64]
     others = found.points[found.points["group"] == NO_GROUP]
     drawn = [*_groups(found.points), *([("of none of them", NONE_COLOUR, others)] if len(others) else [])]
     for name, colour, rows in drawn:
-        count, _ = np.histogram(np.clip(rows[column], edges[0], edges[-1]), edges)
-        axes.stairs(100.0 * count / len(rows), edges, color=colour, label=f"{name} ({len(rows)})", linewidth=1.5)
+        known = rows[column][~np.isnan(rows[column])]
+        count, _ = np.histogram(np.clip(known, edges[0], edges[-1]), edges)
+        axes.stairs(
+            100.0 * count / max(len(known), 1), edges, color=colour, label=f"{name} ({len(known)})", linewidth=1.5
+        )
     _legend(axes)
 
 

@@ -103,6 +103,7 @@ def _rcs_by_range(found: Counted, groups: tuple[str, ...]) -> Iterator[tuple[int
     step = (points["range"] / RANGE_STEP).astype(int)
     for bin_number in np.unique(step):
         values = points["rcs_dbsm"][step == bin_number]
+        values = values[~np.isnan(values)]
         if len(values) >= FEWEST:
             yield int(bin_number), float(np.median(values))
 

@@ -11,17 +11,16 @@ from scipy.special import gammaincinv
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.units import dbm_to_watt, power_to_db
+from scarl_sionna.core.units import power_to_db
 
 from ..angle import RangeDopplerAngle, directions
-from ..antenna import beam_gain
 from ..direction.manifold import Manifold
 from ..direction.several import Method, check_method, pursue
-from ..link import radar_gain
 from ..processing import RangeDoppler, uncompensated
 from .ambiguity import unfolded
 from .beams import Beams, beams_above, is_peak, maxima
 from .cells import Cells, at_targets, is_regular, straddle_gain
+from .cross_section import cross_section
 from .leakage import leaked_over_the_ends
 from .points import RadarPoints
 from .stagger import is_staggered, resolved
@@ -95,6 +94,11 @@ def detect(
     (:func:`~scarl_sionna.signal.detection.ambiguity.unfolded`), staggered intervals by tones at the chirps' true times
     (:func:`~scarl_sionna.signal.detection.stagger.resolved`), up to ``radar.unfolded_velocity``; range and direction
     follow.
+
+    Where the antennas hear next to nothing (two-way gain more than 60 dB under its largest), and at +-90 deg, where the
+    beamformer's maximum is outside the real angles, `rcs` is not known: NaN
+    (:func:`~scarl_sionna.signal.detection.cross_section.cross_section`). Further directions of a cell are never there:
+    they are what is left where more targets than directions share a cell.
 
     What a radar cannot measure is 0: azimuth or elevation along which its array has no extent, the velocity in a frame
     of one chirp, a range that noise would put before the radar.
@@ -182,12 +186,6 @@ def _table(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, sines: Array,
     """Return the points of targets with sines (n, 2) of their directions and powers (n,) [W], strongest first."""
     azimuth, elevation = np.arcsin(np.clip(sines, -1.0, 1.0)).T
     unit, distance = directions(azimuth, elevation), cells.distance
-    gain = beam_gain(radar.array, unit)
-    of_square_metre = (
-        dbm_to_watt(radar.front_end.tx_power_dbm)
-        * np.maximum(gain, 1e-30)
-        * radar_gain(radar.wavelength, np.maximum(distance, 1e-3))
-    )
     table = {
         "position": unit * distance[:, None],
         "range": distance,
@@ -196,7 +194,7 @@ def _table(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, sines: Array,
         "radial_velocity": cells.radial_velocity,
         "power": received,
         "snr_db": power_to_db(received * straddle_gain(cells) / rda.noise_power),
-        "rcs": received / of_square_metre,
+        "rcs": cross_section(radar, sines, distance, received),
         "cell": cells.row * len(rda.range) + cells.column,
     }
     order = np.argsort(-received, kind="stable")

@@ -7,13 +7,12 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.prompt.arguments import expect
-from scarl_sionna.core.units import dbm_to_watt, power_to_db
+from scarl_sionna.core.units import power_to_db
 
 from ..angle import RangeDopplerAngle, directions
-from ..antenna import beam_gain
-from ..link import radar_gain
 from ..peaks import parabola_offset
 from .beams import is_peak
+from .cross_section import cross_section
 from .points import RadarPoints
 
 Array = npt.NDArray[np.float64]
@@ -68,9 +67,7 @@ def peaks_of_map(
     azimuth = np.arcsin(np.clip(places[2], -1.0, 1.0))
     unit = directions(azimuth, np.zeros(len(azimuth)))
     received, distance = power / 10.0 ** (gain_db / 10.0), np.maximum(places[1], 0.0)
-    of_square_metre = dbm_to_watt(rda.radar.front_end.tx_power_dbm) * np.maximum(
-        beam_gain(rda.radar.array, unit), 1e-30
-    )
+    sines = np.stack([places[2], np.zeros(len(azimuth))], axis=1)
     table = {
         "position": unit * distance[:, None],
         "range": distance,
@@ -79,7 +76,7 @@ def peaks_of_map(
         "radial_velocity": places[0],
         "power": received,
         "snr_db": power_to_db(power / noise),
-        "rcs": received / (of_square_metre * radar_gain(rda.radar.wavelength, np.maximum(distance, 1e-3))),
+        "rcs": cross_section(rda.radar, sines, distance, received),
         "cell": cell[0] * len(rda.range) + cell[1],
     }
     order = np.argsort(-received, kind="stable")

@@ -109,7 +109,9 @@ def pursue(
     Orthogonal matching pursuit on the grid, every direction then refined in turn on what the others leave until nothing
     moves (RELAX), which for white noise climbs the likelihood. One more direction is taken while it explains
     more than noise would: :math:`\Delta > \ln(N / p)` of the noise power, N channels, p = 1e-3. This is an information
-    criterion with known noise, whose penalty is set by a probability. It holds for any array, uniform or sparse.
+    criterion with known noise, whose penalty is set by a probability. It holds for any array, uniform or sparse. A
+    further direction at an end of the angles (sine of 1) is none: what is left of more targets than directions is best
+    explained beyond the real angles, and for a line of half a wavelength both ends are one.
 
     The other methods find directions differently and are asked for one more by the same criterion: ``"omp"`` does not
     refine in turn, ``"bartlett"`` takes the beamformer's largest maxima
@@ -149,7 +151,7 @@ def pursue(
         gained = _energy(rest) - _energy(left)
         size = np.abs(amplitude)
         better = (gained > penalty[rows]) & (size.min(axis=1) > 10.0 ** (-DYNAMIC_RANGE_DB / 20.0) * size.max(axis=1))
-        better &= ~_too_near(manifold, more)
+        better &= ~_too_near(manifold, more) & (np.abs(more) < 1.0).all(axis=(1, 2))
         rows, sines = rows[better], more[better]
         parts.append(_part(manifold, snapshot, distance, rows, sines))
     return _joined(parts, len(snapshot))

@@ -64,7 +64,7 @@ class RadarClusters(
     power : ndarray of float64, shape (num_clusters,)
         Sum over the points [W].
     rcs : ndarray of float64, shape (num_clusters,)
-        Sum over the points [m2].
+        Sum over the points whose RCS is known [m2]; NaN where that of none is.
     num_points : ndarray of int64, shape (num_clusters,)
     instance : ndarray of int32, shape (num_clusters,)
         Of most points; of as many, of the strongest. 0 without labels.
@@ -227,10 +227,16 @@ def _table(points: RadarPoints, found: Ids, labels: Labels | None, interval: flo
         extent=extent,
         radial_velocity=velocity,
         power=np.array([points.power[rows].sum() for rows in members]),
-        rcs=np.array([points.rcs[rows].sum() for rows in members]),
+        rcs=np.array([_known_sum(points.rcs[rows]) for rows in members]),
         num_points=np.array([len(rows) for rows in members], dtype=np.int64),
         instance=instance,
         semantic=semantic,
         share=share,
         member=member,
     )
+
+
+def _known_sum(values: Array) -> float:
+    """Return the sum of the values that are not NaN; NaN of none."""
+    known = values[~np.isnan(values)]
+    return float(known.sum()) if len(known) else float("nan")

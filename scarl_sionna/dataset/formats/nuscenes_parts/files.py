@@ -17,6 +17,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import power_to_db
 from scarl_sionna.dataset.derived.lidar_points import elevation_line, world_points
 from scarl_sionna.dataset.derived.radar_points import SensedPoints
+from scarl_sionna.dataset.point_clouds.nuscenes import UNKNOWN_RCS_DBSM
 
 RADAR_FIELDS = (
     ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("dyn_prop", "i1"), ("id", "<i2"), ("rcs", "<f4"), ("vx", "<f4"),
@@ -68,6 +69,8 @@ def lidar_rows(
 def radar_file(sensed: SensedPoints, radar: RadarSpec) -> bytes:
     """Return detections as a nuScenes radar file: x forward, y left; z is 0 where the array cannot tell elevation.
 
+    An RCS that is not known is `UNKNOWN_RCS_DBSM`: readers take a cloud whose first point has a nan as empty.
+
     The file ends with one byte after the last point, which the reader asks for. Without detections it holds one point
     of nan, which the reader takes for none.
     """
@@ -82,7 +85,7 @@ def radar_file(sensed: SensedPoints, radar: RadarSpec) -> bytes:
         still = np.abs(sensed.compensated_velocity) < radar.velocity_resolution
         rows["dyn_prop"] = np.where(still, STATIONARY, np.where(sensed.compensated_velocity > 0, MOVING, ONCOMING))
         rows["id"] = np.arange(count) % 2**15
-        rows["rcs"] = power_to_db(points.rcs)
+        rows["rcs"] = np.where(np.isnan(points.rcs), UNKNOWN_RCS_DBSM, power_to_db(points.rcs))
         rows["is_quality_valid"], rows["ambig_state"] = 1, UNAMBIGUOUS
         rows["invalid_state"], rows["pdh0"] = VALID, LEAST_FALSE
         snr = 10.0 ** (points.snr_db / 10.0)
