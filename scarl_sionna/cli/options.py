@@ -106,7 +106,7 @@ RADAR_OPTIONS: Mapping[str, tuple[str, Any]] = {
         "chirps_per_block",
         Annotated[
             int | None,
-            typer.Option(help="Solve the radar paths again for every block of so many chirps (wheels, limbs)."),
+            typer.Option(help="Solve the radar paths again for blocks of so many chirps (wheels, limbs; not raycast)."),
         ],
     ),
 }

@@ -23,7 +23,7 @@ from .interference.heard import hear
 from .labels.labels import label_cells
 from .paths import RadarPaths
 from .synthesis import synthesize
-from .synthesis.blocks import retraced, synthesize_blocks
+from .synthesis.blocks import retraced_after, synthesize_blocks
 from .weather.clutter import through_weather
 
 if TYPE_CHECKING:
@@ -83,15 +83,15 @@ class Radar:
             If the radar or one of its antennas is inside a mesh.
         """
         settings, place = self.settings, state.as_mount(mount)
-        paths = solve_paths(state, self.spec, place, settings=settings)
+        solved = solve_paths(state, self.spec, place, settings=settings)
         drops = None if state.world.weather.is_clear else rng.spawn(1)[0]
-        alone, paths = paths, through_weather(paths, state, self.spec, drops, place.twist, settings)
+        paths = through_weather(solved, state, self.spec, drops, place.twist, settings)
         start = time.perf_counter()
         noise = rng if settings.noise else None
         if settings.chirps_per_block is None:
             adc = synthesize(paths, self.spec, rng=noise, accuracy=settings.accuracy)
         else:
-            paths_at = retraced(state.world, self.spec, place, state.time, settings=settings)
+            paths_at = retraced_after(state.world, self.spec, place, state.time, settings, solved)
             adc = synthesize_blocks(
                 lambda time: through_weather(paths_at(time), state, self.spec, None),
                 self.spec,
@@ -99,8 +99,8 @@ class Radar:
                 rng=noise,
                 accuracy=settings.accuracy,
             )
-            if paths.num_paths > alone.num_paths:  # drops are traced once: they move straight
-                drops_alone = paths.select(np.arange(alone.num_paths, paths.num_paths))
+            if paths.num_paths > solved.num_paths:  # drops are traced once: they move straight
+                drops_alone = paths.select(np.arange(solved.num_paths, paths.num_paths))
                 adc += synthesize(drops_alone, self.spec, accuracy=settings.accuracy)
         other = hear(state, self.spec, place, settings.interferers, rng.spawn(1)[0], settings) if self._heard else None
         synthesized = time.perf_counter()

@@ -75,7 +75,7 @@ class RadarSettings(Spec):
         None,
         ge=1,
         description="paths are solved again in the middle of every block of so many chirps, for wheels and limbs; "
-        "None: once a frame",
+        "hits of 'raycast' stay those of the frame's start. None: once a frame",
     )
     interferers: tuple[Interferer, ...] = Field(
         (), description="other radars whose signals stand in the raw data; docs/interference.md"

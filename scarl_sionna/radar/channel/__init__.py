@@ -97,7 +97,7 @@ def solve_paths(
         raise InputTypeError("state", state, "a WorldState", "make one with load_scene(name).at(time)")
     if not isinstance(radar, RadarSpec):
         raise InputTypeError("radar", radar, "a RadarSpec", "for instance RadarSpec.preset('awr1843boost')")
-    chosen = _settings(method, settings, fields)
+    chosen = settings_of(method, settings, fields)
     warn_of_unread(chosen)
     place = state.as_mount(mount)
     if chosen.method in ("raycast", "scatterers") or (chosen.method == "sbr" and chosen.sbr.pane_loss_db is None):
@@ -113,7 +113,7 @@ def solve_paths(
         return solve(state, radar, place, chosen, other)
 
 
-def _settings(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:
+def settings_of(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:
     """Return the settings of a solve, from their full form or a short one."""
     if settings is not None and not isinstance(settings, RadarSettings):
         name = _part_of(settings)

@@ -9,7 +9,7 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -255,7 +255,9 @@ def retraced(
 ) -> PathsAt:
     """Return what solves the paths of a world at any time, for :func:`synthesize_blocks`.
 
-    Exact geometry: each call solves the paths anew.
+    Exact geometry: each call solves the paths anew. Only hits of ``raycast`` are those of the frame's start, moved by
+    their rates as without blocks: they stay on their rays, so a new cast from a radar that moves has other hits with
+    other phases, and what stands still would come apart. ``"auto"`` keeps the plan of the frame's start.
 
     Parameters
     ----------
@@ -269,18 +271,69 @@ def retraced(
         Of the frame's start [s].
     method, settings, **fields
         As of :func:`scarl_sionna.solve_paths`.
-    """
-    from scarl_sionna.radar.channel import solve_paths
 
-    start = world.at(time).as_mount(mount)
+    Warns
+    -----
+    ScarlWarning
+        If the method is ``"raycast"``: then blocks change nothing.
+    """
+    from scarl_sionna.radar.channel import settings_of
+
+    return retraced_after(world, radar, world.at(time).as_mount(mount), time, settings_of(method, settings, fields))
+
+
+def retraced_after(
+    world: World,
+    radar: RadarSpec,
+    start: Mount,
+    time: float,
+    settings: RadarSettings,
+    first: RadarPaths | None = None,
+) -> PathsAt:
+    """Return :func:`retraced` of full settings; `first` are the paths at the frame's start, where they are known.
+
+    Exact geometry.
+    """
+    from scarl_sionna.radar.channel import plan_channel, solve_paths
+
+    if settings.method == "raycast":
+        warnings.warn(
+            "hits of method 'raycast' are cast once a frame and move by their rates, since each new cast has other "
+            "phases: blocks of chirps change nothing. Use 'sbr' or 'auto' for wheels and limbs, or leave them out",
+            ScarlWarning,
+            stacklevel=3,
+        )
+    elif settings.method == "auto":  # who computes an object must not change within a frame
+        plan = plan_channel(world.at(time), radar, start, settings=settings)
+        settings = settings.changed("hybrid", plan=plan)
+    held = None
+    if settings.method in ("raycast", "hybrid"):
+        first = solve_paths(world.at(time), radar, start, settings=settings) if first is None else first
+        held = first.select(first.filled("linear_motion"))
 
     def paths_at(after: float) -> RadarPaths:
         moved = carried(world, start, time, after)
-        return solve_paths(
-            world.at(time + after), radar, moved, method, settings=settings, **cast("dict[str, Any]", fields)
-        )
+        if held is not None and settings.method == "raycast":
+            return _seen_from(later(held, after), moved)
+        found = solve_paths(world.at(time + after), radar, moved, settings=settings)
+        if held is None or not held.num_paths:
+            return found
+        own = found.select(~found.filled("linear_motion"))
+        return RadarPaths.concatenate([own, _seen_from(later(held, after), moved)], found.diagnostics)
 
     return paths_at
+
+
+def _seen_from(paths: RadarPaths, mount: Mount) -> RadarPaths:
+    """Return hits as they are in the radar's frame, at another place of the radar."""
+    changed: dict[str, Any] = {"world_from_tx": mount.pose, "world_from_rx": mount.pose}
+    for name in ("tx", "rx"):
+        before = getattr(paths, f"world_from_{name}")
+        changed[f"{name}_point"] = mount.pose.apply(before.inverse().apply(getattr(paths, f"{name}_point")))
+        velocity = before.inverse().rotate(paths.filled(f"{name}_velocity"))
+        changed[f"{name}_velocity"] = mount.pose.rotate(velocity)
+        changed[f"{name}_twist"] = mount.twist
+    return replace(paths, **changed)
 
 
 def carried(world: World, start: Mount, time: float, after: float) -> Mount:
