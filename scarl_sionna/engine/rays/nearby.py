@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from types import ModuleType
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import Protocol, TypeVar
 from weakref import WeakKeyDictionary, ref
 
 import numpy as np
@@ -22,11 +22,9 @@ from scarl_sionna.engine.joined import number_of
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.twins import MISS
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
+from scarl_sionna.scene.tables import PartTable
 
 from .geometry import Triangles
-
-if TYPE_CHECKING:
-    from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 Kept = TypeVar("Kept")
@@ -40,6 +38,33 @@ WIDEST = 1024.0
 """Rays that begin farther apart than this [m] have no place in common; the world's frame serves."""
 KEPT = 4
 """Frames of a world that are kept at a time: those of a car that stands where four of them meet."""
+
+
+class Owner(Protocol):
+    """A world whose triangles are placed."""
+
+    @property
+    def _triangles(self) -> Triangles:
+        """At its start, of all parts."""
+
+    @property
+    def parts(self) -> PartTable:
+        """Table of its parts."""
+
+
+class State(Protocol):
+    """A state of a world, :class:`~scarl_sionna.engine.world.WorldState`."""
+
+    @property
+    def world(self) -> Owner:
+        """Of which it is a state."""
+
+    @property
+    def _triangles(self) -> Triangles:
+        """Where they are."""
+
+    def _applied(self, kind: str) -> EngineScene:
+        """Return the twin of a kind in this state."""
 
 
 class EngineScene(Protocol):
@@ -69,16 +94,14 @@ class Nearby:
     mi : module
         Mitsuba in the variant of `kind`.
     kind : {"optical", "radio"}
-    state : WorldState
+    state : State
     origin : ndarray of float64, shape (3,)
         [m, world].
     still : mitsuba.Shape or None
         What stands still as a group in the same frame, which keeps its tree from state to state; None: nothing does.
     """
 
-    def __init__(
-        self, mi: ModuleType, kind: str, state: WorldState, origin: Array, still: MitsubaObject | None
-    ) -> None:
+    def __init__(self, mi: ModuleType, kind: str, state: State, origin: Array, still: MitsubaObject | None) -> None:
         self.kind, self.origin = kind, origin
         on, moves = Device(mi), _moves(state)
         moving = np.flatnonzero(moves)
@@ -105,18 +128,16 @@ class Nearby:
 
 
 _groups: WeakKeyDictionary[Triangles, OrderedDict[tuple[object, ...], MitsubaObject]] = WeakKeyDictionary()
-_scenes: WeakKeyDictionary[Triangles, OrderedDict[tuple[object, ...], tuple[ref[WorldState], Nearby]]] = (
-    WeakKeyDictionary()
-)
+_scenes: WeakKeyDictionary[Triangles, OrderedDict[tuple[object, ...], tuple[ref[State], Nearby]]] = WeakKeyDictionary()
 """Both by the triangles of a world, which its copies in other weather and with other motion share."""
 
 
-def scene_near(state: WorldState, place: npt.ArrayLike | None, kind: str) -> EngineScene:
+def scene_near(state: State, place: npt.ArrayLike | None, kind: str) -> EngineScene:
     """Return the scene for rays that begin around a place.
 
     Parameters
     ----------
-    state : WorldState
+    state : State
     place : array_like of float, shape (3,), or None
         [m, world]; None: the origin.
     kind : {"optical", "radio"}
@@ -161,7 +182,7 @@ def mesh_of(mi: ModuleType, points: Array) -> MitsubaObject:
     return mesh
 
 
-def _moves(state: WorldState) -> npt.NDArray[np.bool_]:
+def _moves(state: State) -> npt.NDArray[np.bool_]:
     """Return which triangles belong to an actor."""
     return np.repeat(state.world.parts.actor >= 0, np.diff(state.world._triangles.first))
 
@@ -173,7 +194,7 @@ def _group(mi: ModuleType, corners: Array) -> MitsubaObject:
         return mi.load_dict({"type": "shapegroup", "mesh": mesh})
 
 
-def _still_group(mi: ModuleType, state: WorldState, frame: tuple[object, ...], origin: Array) -> MitsubaObject | None:
+def _still_group(mi: ModuleType, state: State, frame: tuple[object, ...], origin: Array) -> MitsubaObject | None:
     """Return what stands still as a group in a frame, None if nothing does."""
     triangles, rows = state.world._triangles, np.flatnonzero(~_moves(state))
     if not len(rows):
