@@ -604,8 +604,7 @@ class WorldState(Described):
     @cached_property
     def _face_velocity(self) -> Array:
         """Velocity of the centroids of all triangles, shape (num_faces, 3) [m/s, world]; zero at rest."""
-        corners, first = self._triangles.corners, self._triangles.first
-        part = np.repeat(np.arange(len(first) - 1), np.diff(first))
+        corners, part = self._triangles.corners, self._triangles.part
         found = np.zeros((len(part), 3))
         rows = np.flatnonzero(self.world.parts.actor[part] >= 0)
         center = (corners[rows, 0] + corners[rows, 1] + corners[rows, 2]) / 3.0

@@ -67,7 +67,7 @@ def _batch(target: Target, origins: Array, directions: Array, first: int, max_di
         return RayHits.none()
     triangles = target.triangles
     ray, row, rough = _engine_hits(target.scene, origins, directions, max_distance)
-    part = triangles.part[row]
+    part = triangles.part[row].astype(np.int32)
     start = origins if origins.ndim == 1 else origins[ray]
     direction = directions[ray]
     normal = triangles.normal[row]

@@ -50,8 +50,7 @@ class FaceTable:
 def face_table(state: WorldState) -> FaceTable:
     """Return the triangles of a state; plane numbers are the same at all times, one a face where parts bend."""
     world = state.world
-    first = world._triangles.first
-    part = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    part = world._triangles.part
     if world not in _numbers:
         _numbers[world] = plane_numbers(world._triangles.normal, world._triangles.offset, part), _repeated(world, part)
     plane, repeated = _numbers[world]

@@ -48,9 +48,9 @@ class Triangles:
     first: npt.NDArray[np.int64]
 
     @cached_property
-    def part(self) -> npt.NDArray[np.int32]:
+    def part(self) -> npt.NDArray[np.int64]:
         """Row of each triangle in the part table, shape (num_faces,)."""
-        return np.repeat(np.arange(len(self.first) - 1, dtype=np.int32), np.diff(self.first))
+        return np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
 
     @classmethod
     def from_meshes(cls, vertices: Sequence[Array], faces: Sequence[npt.NDArray[np.int64]]) -> Triangles:

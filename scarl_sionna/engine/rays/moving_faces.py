@@ -31,7 +31,7 @@ class MovingFaces:
         self._on = on
         triangles = state._triangles
         self._normal, self._offset = on.reals(triangles.normal), on.reals(triangles.offset)
-        self.part_on_host = np.repeat(np.arange(len(triangles.first) - 1), np.diff(triangles.first))
+        self.part_on_host = triangles.part
         self._part = on.index(self.part_on_host)
         motion = np.zeros((len(triangles.first) - 1, 9))
         for part, moved in state._part_motion.items():  # joints included: wheels, limbs

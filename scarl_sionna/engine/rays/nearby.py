@@ -184,7 +184,7 @@ def mesh_of(mi: ModuleType, points: Array) -> MitsubaObject:
 
 def _moves(state: State) -> npt.NDArray[np.bool_]:
     """Return which triangles belong to an actor."""
-    return np.repeat(state.world.parts.actor >= 0, np.diff(state.world._triangles.first))
+    return np.asarray((state.world.parts.actor >= 0)[state.world._triangles.part])
 
 
 def _group(mi: ModuleType, corners: Array) -> MitsubaObject:

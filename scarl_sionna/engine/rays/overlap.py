@@ -67,8 +67,7 @@ def seen_overlaps(state: WorldState, origin: npt.ArrayLike) -> tuple[Overlap, ..
 
 def _search(world: World) -> dict[tuple[int, int], Array]:
     triangles = world._triangles
-    part = np.repeat(np.arange(len(triangles.first) - 1), np.diff(triangles.first))
-    normal = triangles.normal
+    part, normal = triangles.part, triangles.normal
     plane = np.column_stack([normal, triangles.offset])
     on_joint = {shape for actor in world.actors for joint in actor.joints for shape in joint.shapes}
     own = [len(world.actors) + p if name in on_joint else -1 for p, name in enumerate(world.parts.name)]

@@ -353,10 +353,10 @@ def smooth_share(state: WorldState, info: InstanceInfo) -> float:
 def _areas_of(world: World) -> Array:
     """Return the area of each part, of one that bends at rest, shape (num_parts,) [m2]."""
     triangles = world._triangles
-    corners, first = triangles.corners, triangles.first
+    corners = triangles.corners
     twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    part = np.repeat(np.arange(len(first) - 1), np.diff(first))
-    return np.asarray(np.bincount(part, np.sqrt(np.einsum("ij,ij->i", twice, twice)) / 2.0, len(first) - 1))
+    area = np.sqrt(np.einsum("ij,ij->i", twice, twice)) / 2.0
+    return np.asarray(np.bincount(triangles.part, area, len(triangles.first) - 1))
 
 
 _areas: WeakKeyDictionary[World, Array] = WeakKeyDictionary()
