@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import Any
+from uuid import uuid4
 
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError
 from scarl_sionna.core.temporary import clear_stale
@@ -187,7 +188,7 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
     ]
     target = folder.target.url if isinstance(folder, RemoteFolder) else None
     report = ExportReport(folder.given, 0, address=target or "")
-    jobs = []
+    jobs, run = [], uuid4().hex
     root = output_root(folder.root)
     for name, shard in shards_of_part(keys, settings.part):
         scene = folder.plan.scene(name)
@@ -210,6 +211,7 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
                     settings.plan_file is not None,
                     target,
                     folder.rows[name][shard] is not None,
+                    run,
                 )
             )
     return jobs, report

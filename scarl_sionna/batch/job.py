@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 from scarl_sionna.core.errors import ExportError, OutputError, ScarlError
 from scarl_sionna.core.results import Frame
 from scarl_sionna.dataset.encoding import StoreOptions, encode_frame
-from scarl_sionna.dataset.store.manifest import ScenePlan, differences
+from scarl_sionna.dataset.store.manifest import ScenePlan, differences, hash_of
 from scarl_sionna.dataset.store.remote import fetch_shard, send_shard
 from scarl_sionna.dataset.store.shard_writer import ShardWriter
 from scarl_sionna.fusion.rig import Rig
@@ -44,6 +44,7 @@ class ShardJob:
     """One shard to make; plain data that can be sent to another process.
 
     `target`: address of the object store that it goes to when it is finished; `is_begun_there`: some frames are there.
+    `run` tells the export that asks for it from others: what a plan file says is compared with the files in each.
     """
 
     root: str
@@ -57,6 +58,7 @@ class ShardJob:
     is_planned_before: bool = False
     target: str | None = None
     is_begun_there: bool = False
+    run: str = ""
 
     @property
     def name(self) -> str:
@@ -124,7 +126,7 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
             if job.is_planned_before:
                 _check_plan(job)
             with logged_warnings(job.scene.name):
-                world = _world(scenario)
+                world = _world(scenario, hash_of(dict(job.scene.configuration)))
             _add(seconds, "scene", perf_counter() - started)
         with FrameSink(shard, job.options, on_event, seconds) as sink:
             for index in missing:
@@ -258,9 +260,10 @@ class TimedPool(ThreadPoolExecutor):
 
 
 @lru_cache(maxsize=2)
-def _world(scenario: ScenarioSpec) -> World:
+def _world(scenario: ScenarioSpec, content: str) -> World:
     """Return the loaded scene; kept, for the next shard of this process is likely to be of the same scene.
 
+    `content`: hash of what the plan says of it, which has the checksums of all its files: an edited one is read anew.
     What earlier scenes left goes back to the system first, so that a process that makes many drives stays as large as
     after the first few.
     """
@@ -272,7 +275,7 @@ def _world(scenario: ScenarioSpec) -> World:
 
 def _check_plan(job: ShardJob) -> None:
     """Raise if the files of a scenario are no longer those of the plan that the export took from a file."""
-    now = ScenePlan(job.scene.name, 1, _configuration(job.scenario)).configuration
+    now = ScenePlan(job.scene.name, 1, _configuration(job.scenario, job.run)).configuration
     there = {name: value for name, value in job.scene.configuration.items() if name != "settings_files"}
     found = differences(there, dict(now))
     if found:
@@ -283,7 +286,7 @@ def _check_plan(job: ShardJob) -> None:
 
 
 @lru_cache(maxsize=2)
-def _configuration(scenario: ScenarioSpec) -> dict[str, Any]:
+def _configuration(scenario: ScenarioSpec, run: str) -> dict[str, Any]:
     from .plan import scene_configuration
 
     return scene_configuration(scenario)

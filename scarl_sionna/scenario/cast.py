@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from scarl_sionna.core.errors import ScarlError, ScenarioError, ScenarioFileError, ScenarioValueError, UnknownNameError
+from scarl_sionna.core.untrusted.files import Stamps, stamps
 from scarl_sionna.scene.actors.body import actor_from_body
 from scarl_sionna.scene.actors.mesh import actor_from_mesh
 from scarl_sionna.scene.actors.model import ActorModel, Color, read_actor_model
@@ -112,10 +113,12 @@ def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> Actor
     file = spec.find(own.file)
     if not file.is_file():
         raise ScenarioFileError(f"'{own.file}' is not there", spec.place(*path, key, "file"), value=own.file)
+    moved_by: Path | None = None
     if isinstance(own, BodyFileSpec) and own.moved_by is not None:
-        own = own.with_(moved_by=str(spec.find(own.moved_by).resolve()))
+        moved_by = spec.find(own.moved_by).resolve()
+        own = own.with_(moved_by=str(moved_by))
     try:
-        model = _own_model(file.resolve(), file.stat().st_mtime_ns, one.name, own.model_dump_json(), key)
+        model = _own_model(file.resolve(), stamps(file, moved_by), one.name, own.model_dump_json(), key)
         table = load_materials()
         for entry in model.materials.values():
             table[entry.radio]  # an unknown one raises here, where its line is known
@@ -127,10 +130,10 @@ def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> Actor
 
 
 @lru_cache(maxsize=64)
-def _own_model(file: Path, changed: int, name: str, text: str, key: str) -> ActorModel:
+def _own_model(file: Path, changed: Stamps, name: str, text: str, key: str) -> ActorModel:
     """Return the model of a mesh or of a body.
 
-    `changed` tells when the file was, so that a new one is read, `text` holds the `MeshSpec` or `BodyFileSpec`.
+    `changed`: of it and of what moves it, so that new ones are read; `text` holds the `MeshSpec` or `BodyFileSpec`.
     """
     fields = json.loads(text)
     materials = fields.pop("materials")

@@ -15,6 +15,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from scarl_sionna.batch import ExportSettings, export
 from scarl_sionna.batch import job as job_module
@@ -407,6 +408,23 @@ def test_a_changed_scene_is_another_configuration(tmp_path) -> None:
         export([scenario], tmp_path / "out", SETTINGS)
     with pytest.raises(OutputError, match=r"seed: 0 there, 7 asked for"):
         export([scenario.with_(seed=7)], tmp_path / "out", SETTINGS)
+
+
+def test_an_edited_scene_is_read_anew_in_the_same_process(tmp_path) -> None:
+    scenario = ScenarioSpec.load(scenario_files(tmp_path / "s", one=1)[0])
+    mesh, plan_file = next((tmp_path / "s").rglob("car.ply")), tmp_path / "plan.json"
+    export([scenario], tmp_path / "short", ExportSettings(options=OPTIONS, plan_file=plan_file))
+    body = trimesh.load_mesh(mesh)
+    body.apply_scale(2.0)
+    body.export(mesh)
+    export([scenario], tmp_path / "long", SETTINGS)
+    size = {
+        name: next(item.size[0] for item in open_dataset(tmp_path / name)[0].to_frame().objects if item.name == "car")
+        for name in ("short", "long")
+    }
+    assert size == pytest.approx({"short": 4.0, "long": 8.0}, rel=1e-3)
+    with pytest.raises(ExportError, match="files have changed since"):
+        export([scenario], tmp_path / "planned", ExportSettings(options=OPTIONS, plan_file=plan_file))
 
 
 @pytest.mark.skipif(

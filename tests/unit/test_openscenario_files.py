@@ -295,3 +295,30 @@ def test_a_catalog_decides_the_frames(tmp_path):
     assert fingerprint(compose(spec)) == before
     catalog.write_text(text.format('<Route name="r"/>'))
     assert fingerprint(compose(spec)) != before
+
+
+def test_edited_catalogs_and_maps_are_read_anew_in_the_same_process(tmp_path):
+    (tmp_path / "catalogs").mkdir()
+
+    def write_catalog(name: str, length: float) -> None:
+        (tmp_path / "catalogs" / f"{name}.xosc").write_text(
+            f'<OpenSCENARIO><FileHeader revMajor="1" revMinor="1"/><Catalog name="{name}">'
+            '<Vehicle name="v" vehicleCategory="car"><BoundingBox><Center x="1.4" y="0" z="0.75"/>'
+            f'<Dimensions width="1.8" length="{length}" height="1.5"/></BoundingBox></Vehicle></Catalog></OpenSCENARIO>'
+        )
+
+    write_catalog("other", 9.0)
+    text = files.scenario(
+        '<ScenarioObject name="Ego"><CatalogReference catalogName="cars" entryName="v"/></ScenarioObject>',
+        files.init("Ego", files.on_lane(50.0), 10.0),
+        catalogs='<VehicleCatalog><Directory path="catalogs"/></VehicleCatalog>',
+    )
+    path = files.written(tmp_path, text)
+    with pytest.raises(ScenarioFileError, match="no catalog 'cars'"):
+        read_drive(path)
+    for length in (4.5, 14.0):
+        write_catalog("cars", length)
+        assert read_drive(path).entities["Ego"].box.length == length
+    assert read_drive(path) is read_drive(path)
+    (tmp_path / "road.xodr").write_text(files.ARC)
+    assert read_drive(path).roads.street.roads["1"].length == pytest.approx(150.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -280,3 +281,16 @@ def test_parts_that_do_not_move_are_not_written_again(tmp_path):
 
 def test_all_models_can_be_named():
     assert {"saloon", "bus", "bicycle", "adult_woman", "child"} <= set(actor_names())
+
+
+def test_an_edited_xml_of_a_model_is_read_anew(tmp_path):
+    folder = tmp_path / "child"
+    shutil.copytree(read_actor_model("child").path.parent, folder)
+    file = folder / "child.xml"
+
+    def color() -> str | None:
+        return next(read_actor_model(folder).levels["detailed"].bsdfs["shoes"].iter("rgb")).get("value")
+
+    assert color() == "0.6 0.6 0.58"
+    file.write_text(file.read_text().replace("0.6 0.6 0.58", "0.1 0.2 0.3"))
+    assert color() == "0.1 0.2 0.3"

@@ -14,6 +14,24 @@ from scarl_sionna.core.errors import InputFileError
 
 MEGABYTE = 1_000_000
 
+Stamps = tuple[tuple[int, int], ...]
+"""When files were last changed [ns since 1970], and their sizes [bytes]."""
+
+
+def stamps(*files: Path | None) -> Stamps:
+    """Return when files were changed and how large they are, (0, 0) for None or what cannot be looked at.
+
+    In the key of a cache of what was read from them, so that an edited file is read anew.
+    """
+    found = []
+    for file in files:
+        try:
+            about = None if file is None else file.stat()
+        except OSError:
+            about = None
+        found.append((0, 0) if about is None else (about.st_mtime_ns, about.st_size))
+    return tuple(found)
+
 
 @contextmanager
 def open_regular(path: str | Path, most: int) -> Iterator[BinaryIO]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from scarl_sionna.core.errors import MapError, ScarlWarning, ScenarioFileError
+from scarl_sionna.core.untrusted.files import Stamps, stamps
 
 from .lights import not_shown
 from .reading.catalogs import Catalogs
@@ -61,7 +62,7 @@ class Drive:
 
 
 def read_drive(path: str | Path, map_file: str | Path | None = None) -> Drive:
-    """Return a scenario that has run, from the cache where file and map are the same.
+    """Return a scenario that has run, from the cache where file, catalogs and map are the same.
 
     Parameters
     ----------
@@ -83,7 +84,9 @@ def read_drive(path: str | Path, map_file: str | Path | None = None) -> Drive:
     """
     path = Path(path)
     chosen = None if map_file is None else Path(map_file)
-    return _cached(path, _stamp(path), chosen, None if chosen is None else _stamp(chosen))
+    catalogs, named = _named(path, stamps(path))
+    files = (path, *catalogs.files(), named if chosen is None else chosen)
+    return _cached(path, chosen, files, stamps(*files))
 
 
 def files_of(path: Path) -> list[Path]:
@@ -94,19 +97,20 @@ def files_of(path: Path) -> list[Path]:
     ScenarioError
         If the file cannot be read.
     """
-    return [path, *Catalogs(read_root(path, Problems()).declared()).files()]
-
-
-def _stamp(path: Path) -> tuple[int, int]:
-    try:
-        found = path.stat()
-    except OSError:
-        return (0, 0)
-    return (found.st_mtime_ns, found.st_size)
+    return [path, *_named(path, stamps(path))[0].files()]
 
 
 @lru_cache(maxsize=8)
-def _cached(path: Path, stamp: tuple[int, int], map_file: Path | None, map_stamp: tuple[int, int] | None) -> Drive:
+def _named(path: Path, stamp: Stamps) -> tuple[Catalogs, Path | None]:
+    """Return the catalogs and the map that a file names."""
+    root = read_root(path, Problems()).declared()
+    network = root.child("RoadNetwork")
+    logic = None if network is None else network.child("LogicFile")
+    return Catalogs(root), None if logic is None else path.parent / logic.text("filepath")
+
+
+@lru_cache(maxsize=8)
+def _cached(path: Path, map_file: Path | None, files: tuple[Path | None, ...], stamp: Stamps) -> Drive:
     problems = Problems()
     root = read_root(path, problems).declared()
     if root.child("Catalog") is not None:

@@ -14,6 +14,7 @@ import numpy as np
 from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.untrusted.files import Stamps, stamps
 from scarl_sionna.scene.document.material_entries import material_entries
 from scarl_sionna.scene.document.model import MaterialEntry
 from scarl_sionna.scene.document.tables_form import model_tables
@@ -168,7 +169,7 @@ def read_actor_model(name_or_path: str | Path, near: str | Path | None = None) -
         If its files are missing, broken or contradict each other, or no cache folder can be written.
     """
     file = _find(name_or_path, near)
-    return _read(file, file.stat().st_mtime_ns)
+    return _read(file, stamps(file, *sorted(file.parent.glob("*.xml"))))
 
 
 def _find(name_or_path: str | Path, near: str | Path | None) -> Path:
@@ -194,7 +195,7 @@ def _unpacked(name: str) -> Path:
 
 
 @lru_cache(maxsize=256)
-def _read(file: Path, _changed: int) -> ActorModel:
+def _read(file: Path, _changed: Stamps) -> ActorModel:
     table = model_tables(file)
     where = f"{file.parent.name}/actor.toml"
     if unknown := set(table) - _TABLES:

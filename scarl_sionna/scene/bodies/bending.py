@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScarlError
+from scarl_sionna.core.untrusted.files import Stamps, stamps
 
 from .bvh import driven, read_bvh, read_bvh_body
 from .gltf import read_gltf_body
@@ -102,14 +103,11 @@ def read_body(
     """
     if file.suffix.lower() not in FORMATS or (motion is not None and file.suffix.lower() == ".bvh"):
         raise MeshError(f"a '{file.suffix}' file is no body", file, f"give one of {', '.join(FORMATS)}")
-    changed = tuple(one.stat().st_mtime_ns if one is not None and one.is_file() else 0 for one in (file, motion))
-    return _read(file, motion, changed, clip, smooth, unit)
+    return _read(file, motion, stamps(file, motion), clip, smooth, unit)
 
 
 @lru_cache(maxsize=32)
-def _read(
-    file: Path, motion: Path | None, changed: tuple[int, ...], clip: str | None, smooth: bool | None, unit: float
-) -> Body:
+def _read(file: Path, motion: Path | None, changed: Stamps, clip: str | None, smooth: bool | None, unit: float) -> Body:
     def read(path: Path, how: Callable[[], Any]) -> Any:  # noqa: ANN401
         try:
             return how()
