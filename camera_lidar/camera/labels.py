@@ -16,7 +16,7 @@ from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.world import WorldState
 
 from .motion import shifted_sensor, shifted_state
-from .projection import camera_optical_from_world, pixel_centres, pixel_rays, projection_key
+from .projection import camera_optical_from_world, pixel_centres, pixel_rays
 from .shutter import bands
 
 LABEL_NAMES = ("depth", "semantic", "instance", "normal", "flow")
@@ -74,7 +74,7 @@ def cast_pixels(state: WorldState, spec: CameraSpec, world_from_sensor: Pose) ->
     The hits of the last camera of a state are kept: one of the same place and projection gets them at once.
     """
     rays = pixel_rays(spec)
-    key = (projection_key(spec), world_from_sensor.position.tobytes(), world_from_sensor.quaternion.tobytes())
+    key = (spec.projection_key, world_from_sensor.position.tobytes(), world_from_sensor.quaternion.tobytes())
     kept = _LAST_CAST.get(state)
     if kept is not None and kept[0] == key:
         return kept[1]

@@ -111,10 +111,4 @@ def pixel_rays(spec: CameraSpec) -> Array:
         Row by row from the top left; x forward, y left, z up; NaN outside of the lens' field. Read-only: cameras of one
         projection share it.
     """
-    return _rays_of(*projection_key(spec))
-
-
-def projection_key(spec: CameraSpec) -> tuple[int, int, Lens, tuple[float, float], tuple[float, float]]:
-    """Return all that decides which pixel shows which ray: size, lens, focal lengths and principal point."""
-    (fx, _, cu), (_, fy, cv), _ = spec.intrinsics.tolist()
-    return spec.width, spec.height, spec.lens, (fx, fy), (cu, cv)
+    return _rays_of(*spec.projection_key)

@@ -12,7 +12,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.light.ray_table import RayTable
 
-from .projection import pixel_rays, projection_key
+from .projection import pixel_rays
 
 LAUNCHES = (1024, 256, 64, 16, 8, 4, 2, 1)
 """Samples a pixel of one launch: full grids of the multi-jittered sampler that divide the blocks of pixels which
@@ -58,7 +58,7 @@ def pixel_table(spec: CameraSpec) -> tuple[npt.NDArray[np.float64], npt.NDArray[
 
     Sensor axes, of any length: linear between the pixels' centres.
     """
-    return _table_of(projection_key(spec))
+    return _table_of(spec.projection_key)
 
 
 def ray_table(spec: CameraSpec, world_from_sensor: Pose) -> RayTable:

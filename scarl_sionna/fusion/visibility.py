@@ -70,14 +70,7 @@ def add_visibility(state: WorldState, objects: Sequence[ObjectState], results: M
         elif isinstance(result, ImageFrame) and objects:
             place = result.world_from_sensor
             spec = result.spec
-            key = (
-                place.position.tobytes(),
-                place.quaternion.tobytes(),
-                spec.width,
-                spec.height,
-                spec.lens.model_dump_json(),
-                spec.horizontal_fov_deg,
-            )
+            key = (place.position.tobytes(), place.quaternion.tobytes(), spec.projection_key)
             if key not in known:
                 known[key] = _silhouettes(state, objects, place, spec)
             seen = _seen(result, numbers)

@@ -157,3 +157,18 @@ def test_the_first_pixels_of_the_image_count_like_the_last(tmp_path: Path) -> No
         np.testing.assert_allclose(image.object_box[index], expected, atol=0.1)
         np.testing.assert_allclose(image.object_visible_box[index], expected)
         assert image.object_pixels[index] == 8
+
+
+def test_cameras_of_one_place_and_other_projections_have_silhouettes_of_their_own(tmp_path: Path) -> None:
+    """Of 200 by 100 px, the plate of 2 m at 10 m: as wide as a fifth of the focal length."""
+    world = ss.load_scene(str(write_scene(tmp_path, instances=[thing("plate", 10.01, (-1.0, 1.0))])))
+    common = {"width": 200, "height": 100, "images": ("instance",)}
+    specs = {
+        "wide": CameraSpec(focal_length_px=100.0, **common),
+        "tele": CameraSpec(focal_length_px=200.0, **common),
+        "shifted": CameraSpec(focal_length_px=100.0, principal_point=(40.0, 50.0), **common),
+    }
+    rig = Rig("eyes", tuple(SensorMount(name, "camera", spec, HERE) for name, spec in specs.items()))
+    results = ss.observe(world, rig, 0.0, vehicle=HERE).results
+    for name, expected in {"wide": (90, 110), "tele": (80, 120), "shifted": (30, 50)}.items():
+        np.testing.assert_allclose(results[name].object_box[0, [0, 2]], expected, atol=0.6)

@@ -121,6 +121,12 @@ class CameraSpec(Spec):
         return np.array([[fx, 0.0, cu], [0.0, fy, cv], [0.0, 0.0, 1.0]])
 
     @property
+    def projection_key(self) -> tuple[int, int, Lens, tuple[float, float], tuple[float, float]]:
+        """All that decides which pixel shows which ray: size, lens, focal lengths and principal point [px]."""
+        (fx, _, cu), (_, fy, cv), _ = self.intrinsics.tolist()
+        return self.width, self.height, self.lens, (fx, fy), (cu, cv)
+
+    @property
     def distortion_coefficients(self) -> tuple[float, ...]:
         """Coefficients of the lens in OpenCV's order; empty for a pinhole."""
         return self.lens.coefficients
