@@ -11,7 +11,6 @@ import numpy.typing as npt
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import LidarScan
-from scarl_sionna.core.specs.atmosphere import Atmosphere
 from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver, PulsedReceiver, ScarlReceiver
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.engine.rays.placement import check_placement
@@ -54,8 +53,9 @@ class Lidar:
     def observe(self, state: WorldState, mount: Mount | Pose, rng: np.random.Generator) -> LidarScan:
         """Return the scan that begins at the state's time: one row a detected return.
 
-        The air is that of the spec's own `atmosphere`; where that is left clear, the world's weather, without rain and
-        snow for a lidar under cover (:func:`~scarl_sionna.engine.rays.shelter.is_under_cover`).
+        The air is that of the spec's own `atmosphere`; where that is clear, the world's weather with the spec's
+        `lidar_ratio`, without rain and snow for a lidar under cover
+        (:func:`~scarl_sionna.engine.rays.shelter.is_under_cover`).
 
         Parameters
         ----------
@@ -76,8 +76,8 @@ class Lidar:
         place = state.as_mount(mount)
         check_placement(state, place.pose.position, "lidar")
         weather = state.world.weather
-        if not weather.is_clear and self.spec.atmosphere == Atmosphere():
-            air = weather.atmosphere
+        if not weather.is_clear and self.spec.atmosphere.is_clear:
+            air = weather.atmosphere.with_(lidar_ratio=self.spec.atmosphere.lidar_ratio)
             if (air.rain_rate or air.snow_rate) and is_under_cover(state, place.pose.position):
                 air = air.with_(rain_rate=0.0, snow_rate=0.0)
             spec = self.spec.with_(atmosphere=air)

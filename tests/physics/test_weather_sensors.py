@@ -74,6 +74,16 @@ def test_clear_weather_changes_no_byte_of_a_scan(world) -> None:
     assert own.intensity.tobytes() == clear.intensity.tobytes()
 
 
+def test_a_lidar_ratio_alone_leaves_the_worlds_air(world) -> None:
+    """It says how air scatters, not that there is any: the world's fog stays, and takes the ratio."""
+    ratio = HETERODYNE.with_(atmosphere=Atmosphere(lidar_ratio=18.0))
+    stated = HETERODYNE.with_(atmosphere=Atmosphere(visibility=60.0, lidar_ratio=18.0))
+    foggy, same = scan(world, Weather(visibility=60.0), ratio), scan(world, "clear", stated)
+    assert foggy.intensity.tolist() == same.intensity.tolist()
+    assert foggy.distance.tolist() == same.distance.tolist()
+    assert Atmosphere(lidar_ratio=18.0, snow="wet").is_clear and not Atmosphere(snow_rate=1.0).is_clear
+
+
 def test_air_of_the_spec_wins_over_the_worlds(world) -> None:
     """A spec with air of its own sees the same with and without the world's fog; one without sees the world's."""
     hazy = HETERODYNE.with_(atmosphere=Atmosphere(visibility=5000.0))

@@ -41,6 +41,11 @@ class Atmosphere(Spec):
         None, gt=0.0, description="extinction over backscatter coefficient [sr]; None: each its own"
     )
 
+    @property
+    def is_clear(self) -> bool:
+        """Whether it holds no fog, rain or snow: `lidar_ratio` and the kind of snow alone put nothing into the air."""
+        return self.visibility is None and self.rain_rate == 0.0 and self.snow_rate == 0.0
+
     def weather_extinction(self, wavelength: float) -> float:
         """Return the one-way power extinction coefficient of fog, rain and snow [1/m] at an optical wavelength [m]."""
         return sum(self._extinctions(wavelength))
