@@ -11,16 +11,19 @@ import pytest
 from scarl_sionna.core.errors import (
     ParameterRangeError,
     ScenarioFileError,
+    ScenarioPlace,
     TimeRangeError,
     TrajectoryFileError,
     UnknownNameError,
 )
 from scarl_sionna.scenario.motion.bodies import WALKER, ActorBody
+from scarl_sionna.scenario.motion.motions import Setting, trajectory_of
 from scarl_sionna.scenario.motion.paths import LateralShift, PathTrajectory, SmoothPath, quintic_step
 from scarl_sionna.scenario.motion.profiles import SpeedProfile, constant_way, smooth_way
 from scarl_sionna.scenario.motion.recorded import Record, smooth_record
 from scarl_sionna.scenario.motion.routes import Route, route_points, vehicle_trajectory
 from scarl_sionna.scenario.motion.tables import read_table, read_table_actors, write_table
+from scarl_sionna.scenario.spec.motion import TableSpec
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
 CAR = ActorBody(4.6, 1.8, 1.45, 2.7, -1.35)
@@ -261,3 +264,22 @@ def test_formats_that_are_not_read(tmp_path: Path) -> None:
         read_table(tmp_path / "t.json")
     with pytest.raises(TrajectoryFileError, match="cannot be read"):
         read_table(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("column", ["", "lorry"])
+def test_in_a_scenario_the_actors_own_body_drives_a_table(tmp_path: Path, column: str) -> None:
+    """A recorded circle of 2 m without headings: who walks stays on it and faces along it, whatever the table says."""
+    times = np.arange(0.0, 6.05, 0.1)
+    angle = 0.5 * times
+    rows = [f"{t:.1f},a,{2 * np.cos(u)},{2 * np.sin(u)},{column}" for t, u in zip(times, angle, strict=True)]
+    path = tmp_path / "circle.csv"
+    path.write_text("time,id,x,y,model\n" + "\n".join(rows) + "\n")
+    setting = Setting("urban_crossing", None, 0.0, 5.0, Path)
+    spec = TableSpec(file=str(path), id="a")
+    on_foot = trajectory_of(spec, "man", WALKER, setting, lambda *keys: ScenarioPlace())
+    driven = trajectory_of(spec, "car", CAR, setting, lambda *keys: ScenarioPlace())
+    for time in (1.0, 2.5, 4.0):
+        pose = on_foot.pose(time)
+        assert np.hypot(*pose.position[:2]) == pytest.approx(2.0, abs=0.01)
+        assert np.angle(np.exp(1j * (pose.yaw - 0.5 * time - np.pi / 2.0))) == pytest.approx(0.0, abs=0.01)
+        assert abs(np.hypot(*driven.pose(time).position[:2]) - 2.0) > 0.1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -55,7 +55,7 @@ from .parking import Manoeuvre, park
 from .paths import LateralShift, PathTrajectory, SmoothPath
 from .profiles import SpeedProfile
 from .routes import Route, smoothing_of, timed_trajectory
-from .tables import read_table
+from .tables import SUFFIXES, TableTrack, read_table, table_tracks
 
 Array = npt.NDArray[np.float64]
 PlaceOf = Callable[..., ScenarioPlace]
@@ -365,13 +365,19 @@ def _table(spec: TableSpec, name: str, body: ActorBody, setting: Setting, place:
     if path.is_dir():
         return _recorded(spec, path, wanted, body, setting, place)
     if path.suffix.lower() == SUFFIX and path.is_file():
-        tracks = entity_tracks(path, setting.street)
+        tracks: Mapping[str, Trajectory | TableTrack] = entity_tracks(path, setting.street)
     else:
         tracks = tracks_of(path, setting.network, place("file"))
     if wanted not in tracks:
         error = UnknownNameError("track", wanted, tracks)
         raise name_error(error, place("id") if spec.id else place("file"))
-    return tracks[wanted]
+    found = tracks[wanted]
+    if not isinstance(found, TableTrack):
+        return found
+    try:
+        return found.motion(body)
+    except TrajectoryFileError as error:
+        raise ScenarioFileError(str(error), place("file"), value=str(path)) from error
 
 
 def _recorded(
@@ -387,8 +393,10 @@ def _recorded(
         raise ScenarioFileError(str(error), place("file"), value=str(path)) from error
 
 
-def tracks_of(path: Path, network: LaneNetwork | None, place: ScenarioPlace) -> dict[str, Trajectory]:
-    """Return the trajectories that a file holds, by id."""
+def tracks_of(
+    path: Path, network: LaneNetwork | None, place: ScenarioPlace
+) -> dict[str, Trajectory] | dict[str, TableTrack]:
+    """Return what a file holds, by id: trajectories, or the samples of a table, which any body can drive along."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -402,8 +410,10 @@ def tracks_of(path: Path, network: LaneNetwork | None, place: ScenarioPlace) -> 
 
 
 @lru_cache(maxsize=8)
-def _read(path: str, content: int, network: LaneNetwork | None) -> dict[str, Trajectory]:
+def _read(path: str, content: int, network: LaneNetwork | None) -> dict[str, Trajectory] | dict[str, TableTrack]:
     """Return the tracks of a file; `content` is a hash of its bytes, so that a changed file is read again."""
+    if Path(path).suffix.lower() in SUFFIXES:
+        return {track.name: track for track in table_tracks(Path(path), network)}
     return read_table(path, ground=network)
 
 

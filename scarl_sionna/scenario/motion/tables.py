@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 
@@ -49,6 +49,52 @@ _SAME = {
     "type": "model",
 }
 """Other names that mean a column."""
+
+
+SUFFIXES = (".csv", ".parquet")
+"""Of the files that are tables in the narrow sense; what else :func:`read_table` reads has formats of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class TableTrack:
+    """Samples of one actor of a table, which a body drives along.
+
+    Attributes
+    ----------
+    name : str
+    model : str
+        As the table says it, a name or a word; empty where it says none.
+    times : ndarray of float64, shape (N,)
+        Strictly rising [s].
+    points : ndarray of float64, shape (N, 3)
+        Of the actor's origin [m, world].
+    yaw_deg : ndarray of float64, shape (N,), or None
+        [deg]
+    path : Path
+    row : int
+        First row in the file, from 1.
+    """
+
+    name: str
+    model: str
+    times: Array
+    points: Array
+    yaw_deg: Array | None
+    path: Path
+    row: int
+
+    def motion(self, body: ActorBody) -> Trajectory:
+        """Return the motion of a body: with headings their spline, else its rear axle follows the way.
+
+        Raises
+        ------
+        TrajectoryFileError
+            If there is no such motion.
+        """
+        try:
+            return _trajectory(self.name, self.times, self.points, self.yaw_deg, body)
+        except ScarlError as error:
+            raise TrajectoryFileError(f"motion of '{self.name}': {error}", self.path, row=self.row) from error
 
 
 def read_table(
@@ -112,12 +158,29 @@ def read_table_actors(
         from scarl_sionna.scenario.openscenario.actors import read_openscenario
 
         return read_openscenario(path, models=models)
-    if path.suffix.lower() not in (".csv", ".parquet"):
+    if path.suffix.lower() not in SUFFIXES:
         raise TrajectoryFileError(
             f"the format '{path.suffix}' is not known", path, "give .csv, .parquet, .xml, .xml.gz, .osi or .mcap"
         )
+    return [_actor(track, models) for track in table_tracks(path, ground)]
+
+
+def table_tracks(path: Path, ground: LaneNetwork | Ground | None = None) -> list[TableTrack]:
+    """Return the samples of each actor of a ``.csv`` or ``.parquet``; arguments and errors as for :func:`read_table`.
+
+    Their motions are made by whoever knows what drives along them.
+    """
     columns = _csv(path) if path.suffix.lower() == ".csv" else _parquet(path)
-    return _actors(path, columns, lane_ground(ground) if isinstance(ground, LaneNetwork) else ground, models)
+    return _tracks(path, columns, lane_ground(ground) if isinstance(ground, LaneNetwork) else ground)
+
+
+def _actor(track: TableTrack, models: Mapping[str, BodyLike] | None) -> PlannedActor:
+    """Return the actor of a track with the body that the table names, a saloon's where it names none."""
+    kind = track.model
+    model = model_of_type(kind) if not (models and kind in models) else kind
+    body = body_of(model, models) if kind else ActorBody()
+    span = (float(track.times[0]), float(track.times[-1]))
+    return PlannedActor(track.name, model, None, track.motion(body), body, 0.0, span)
 
 
 def write_table(
@@ -211,9 +274,7 @@ def _parquet(path: Path) -> dict[str, list[object]]:
     return {str(name): frame[name].tolist() for name in frame.columns}
 
 
-def _actors(
-    path: Path, given: dict[str, list[object]], ground: Ground | None, models: Mapping[str, BodyLike] | None
-) -> list[PlannedActor]:
+def _tracks(path: Path, given: dict[str, list[object]], ground: Ground | None) -> list[TableTrack]:
     columns = {_SAME.get(name.lower(), name.lower()): values for name, values in given.items()}
     for name in COLUMNS[:4]:
         if name not in columns:
@@ -228,7 +289,7 @@ def _actors(
         rows_of.setdefault(str(value).strip(), []).append(index)
     if not rows_of:
         raise TrajectoryFileError("has no rows", path)
-    actors = []
+    tracks = []
     for name, listed in rows_of.items():
         rows = np.array(listed)
         times = numbers["time"][rows]
@@ -245,15 +306,9 @@ def _actors(
         _check_steps(path, name, times, plan, listed)
         height = numbers["z"][rows] if "z" in numbers else ground(plan) if ground is not None else np.zeros(len(rows))
         kind = str(columns["model"][listed[0]] or "").strip() if "model" in columns else ""
-        model = model_of_type(kind) if not (models and kind in models) else kind
-        body = body_of(model, models) if kind else ActorBody()
-        try:
-            yaw = numbers["yaw_deg"][rows] if "yaw_deg" in numbers else None
-            trajectory = _trajectory(name, times, np.column_stack([plan, height]), yaw, body)
-        except ScarlError as error:
-            raise TrajectoryFileError(f"motion of '{name}': {error}", path, row=listed[0] + 1) from error
-        actors.append(PlannedActor(name, model, None, trajectory, body, 0.0, (float(times[0]), float(times[-1]))))
-    return actors
+        yaw = numbers["yaw_deg"][rows] if "yaw_deg" in numbers else None
+        tracks.append(TableTrack(name, kind, times, np.column_stack([plan, height]), yaw, path, listed[0] + 1))
+    return tracks
 
 
 def _check_steps(path: Path, name: str, times: Array, plan: Array, rows: Sequence[int]) -> None:
