@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
@@ -54,6 +55,50 @@ def test_velocity_is_continuous_over_a_waypoint() -> None:
     before, after = trajectory.twist(1.0 - 1e-9), trajectory.twist(1.0 + 1e-9)
     np.testing.assert_allclose(before.linear, after.linear, atol=1e-6)
     np.testing.assert_allclose(before.angular, after.angular, atol=1e-6)
+
+
+def test_a_body_stands_between_equal_waypoints_and_sets_off_forwards() -> None:
+    trajectory = WaypointTrajectory([0, 1, 2, 3], [[0, 0, 0], [0, 0, 0], [10, 0, 0], [20, 0, 0]])
+    times = np.linspace(0.0, 3.0, 301)
+    along = np.array([trajectory.pose(time).position[0] for time in times])
+    assert np.abs(along[times <= 1.0]).max() < 1e-12 and np.diff(along).min() > -1e-12
+    assert all(trajectory.pose(time).yaw == 0.0 for time in times)
+    assert trajectory.forward_speeds(times).min() > -1e-12
+
+
+@pytest.mark.parametrize("along", [[0, 1, 10, 20], [0, 10, 10.2, 20, 30], [0, 10, 20, 20, 20, 21], [0, 5, 5, 5.1, 30]])
+def test_no_sudden_change_of_speed_makes_a_body_swing(along: list[float]) -> None:
+    """Along a slanted line: never back, never beyond a stop, whatever the pace; the velocity stays continuous."""
+    points = np.outer(along, [0.6, 0.8, 0.0])
+    trajectory = WaypointTrajectory(np.arange(len(along)), points)
+    times = np.linspace(0.0, len(along) - 1.0, 2001)
+    way = np.array([trajectory.pose(time).position for time in times]) @ [0.6, 0.8, 0.0]
+    assert np.diff(way).min() > -1e-9
+    speeds = np.array([trajectory.twist(time).linear for time in times])
+    assert np.abs(np.diff(speeds, axis=0)).max() < 0.2  # of 2001 steps; a jump would be of metres a second
+    assert [trajectory.pose(time).position for time in range(len(along))] == pytest.approx(points, abs=1e-9)
+
+
+def test_a_stop_at_a_corner_turns_the_body_while_it_stands() -> None:
+    trajectory = WaypointTrajectory(
+        [0, 1, 2, 4, 5, 6], [[0, 0, 0], [2, 0, 0], [4, 0, 0], [4, 0, 0], [4, 2, 0], [4, 4, 0]]
+    )
+    assert trajectory.pose(2.0).yaw == pytest.approx(0.0, abs=1e-6)
+    assert trajectory.pose(3.0).yaw == pytest.approx(np.pi / 4, abs=1e-6)
+    assert trajectory.pose(4.0).yaw == pytest.approx(np.pi / 2, abs=1e-6)
+    for time in (1.999, 2.001, 2.7, 3.5, 3.999, 4.001):
+        rate = (trajectory.pose(time + 1e-6).yaw - trajectory.pose(time - 1e-6).yaw) / 2e-6
+        assert trajectory.twist(time).angular[2] == pytest.approx(rate, abs=1e-4)
+
+
+def test_a_smooth_way_is_the_cubic_spline_itself() -> None:
+    """From 1 to 9 m/s and back on a bend: nothing there asks for less, so nothing is changed."""
+    times = np.arange(0.0, 8.1, 0.5)
+    way = times + np.where(times < 4.0, times**2, 32.0 - (8.0 - times) ** 2)
+    points = np.stack([20.0 * np.sin(way / 20.0), 20.0 - 20.0 * np.cos(way / 20.0), 0.02 * way], axis=1)
+    trajectory, spline = WaypointTrajectory(times, points), CubicSpline(times, points)
+    for time in np.linspace(0.0, 8.0, 33):
+        assert trajectory.pose(time).position.tolist() == spline(time).tolist()
 
 
 def test_body_at_rest_looks_along_its_way() -> None:

@@ -9,11 +9,13 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PPoly
 
 from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.describe import Described
+
+from .splines import STILL, shaped_spline
 
 _REST_SPEED = 1e-3
 """Below this speed [m/s] a heading cannot be read off the velocity."""
@@ -195,7 +197,12 @@ _REST = Twist()
 
 
 class WaypointTrajectory:
-    """Cubic spline (C2) through positions at times; the heading follows the velocity unless it is given.
+    """Smooth curve through positions at times; the heading follows the velocity unless it is given.
+
+    The cubic spline (C2) through the waypoints. Between equal ones the body stands, and where the spline would drive
+    back or far ahead to swing into a stop or a sudden change of speed it is held back there
+    (:func:`~scarl_sionna.scene.motion.splines.shaped_spline`): at these waypoints the velocity is continuous, the
+    acceleration is not.
 
     Parameters
     ----------
@@ -204,8 +211,8 @@ class WaypointTrajectory:
     positions : array_like of float, shape (N, 3)
         Origin of the actor [m, world].
     yaw_deg : array_like of float, shape (N,), or None
-        Heading at the waypoints [deg], splined after unwrapping; None: along the velocity, and along the way to the
-        next distinct waypoint where the body rests.
+        Heading at the waypoints [deg], as a curve of the same kind after unwrapping; None: along the velocity. Between
+        equal waypoints it then turns from the direction in which the body came to that in which it leaves.
     name : str
         Whose motion it is, for error messages.
 
@@ -235,6 +242,7 @@ class WaypointTrajectory:
         self._position = _spline(time_array, points, name)
         self._points = points
         self._times = time_array
+        self._stops = _stops(time_array, points, self._position)
         self._yaw = None
         if yaw_deg is not None:
             yaw = _numbers(yaw_deg, f"{name}.trajectory.yaw_deg")
@@ -270,10 +278,17 @@ class WaypointTrajectory:
         vx, vy, _ = self._position(time, 1)
         speed_squared = vx * vx + vy * vy
         if speed_squared < _REST_SPEED**2:
-            dx, dy = self._chord(time)
-            return float(np.arctan2(dy, dx)), 0.0
+            return self._resting(time)
         ax, ay, _ = self._position(time, 2)
         return float(np.arctan2(vy, vx)), float((vx * ay - vy * ax) / speed_squared)
+
+    def _resting(self, time: float) -> tuple[float, float]:
+        """Return heading [rad] and its rate [rad/s] where the velocity does not tell."""
+        stop = next((one for one in self._stops if one.near[0] <= time <= one.near[1]), None)
+        if stop is not None:
+            return stop.heading(time)
+        dx, dy = self._chord(time)
+        return float(np.arctan2(dy, dx)), 0.0
 
     def _chord(self, time: float) -> npt.NDArray[np.float64]:
         """Return a horizontal direction from the last waypoint before `time` to the next one that differs."""
@@ -290,7 +305,7 @@ class WaypointTrajectory:
         return Pose.from_heading(self._position(time), self._heading(time)[0])
 
     def twist(self, time: float) -> Twist:
-        """Return the velocity at a time [s]: derivatives of the splines."""
+        """Return the velocity at a time [s]: derivatives of the curves."""
         self._check(time)
         return Twist(self._position(time, 1), np.array([0.0, 0.0, self._heading(time)[1]]))
 
@@ -302,12 +317,52 @@ def _numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
         raise ParameterRangeError(name, f"{values!r:.60}", "numbers in lists of one length") from None
 
 
-def _spline(times: npt.NDArray[np.float64], values: npt.NDArray[np.float64], name: str) -> CubicSpline:
-    """Return the cubic spline through values, or raise where its derivatives are beyond all numbers."""
+@dataclass(frozen=True)
+class _Stop:
+    """A stand between waypoints: its times [s], the headings before and after it [rad], the times nearest to it [s]."""
+
+    span: tuple[float, float]
+    turn: tuple[float, float]
+    near: tuple[float, float]
+
+    def heading(self, time: float) -> tuple[float, float]:
+        """Return the heading [rad] and its rate [rad/s]: a smooth turn while the body stands."""
+        duration = self.span[1] - self.span[0]
+        share = min(max((time - self.span[0]) / duration, 0.0), 1.0)
+        change = self.turn[1] - self.turn[0]
+        turned = change * share * share * (3.0 - 2.0 * share)
+        return self.turn[0] + turned, change * 6.0 * share * (1.0 - share) / duration
+
+
+def _stops(times: npt.NDArray[np.float64], points: npt.NDArray[np.float64], curve: PPoly) -> list[_Stop]:
+    """Return where a body stands between equal waypoints and does not do so from the first to the last of them."""
+    still = np.linalg.norm(np.diff(points, axis=0), axis=1) < STILL
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
+    found = []
+    for first, last in edges.reshape(-1, 2).tolist():
+        sides = []
+        if first > 0:  # from a stand on, and up to it, the velocity is along the acceleration
+            sides.append((-curve.derivative(2)(np.nextafter(times[first], -np.inf)), points[first] - points[first - 1]))
+        if last < len(times) - 1:
+            sides.append((curve(times[last], 2), points[last + 1] - points[last]))
+        ways = [along if np.hypot(*along[:2]) > _REST_SPEED else chord for along, chord in sides]
+        headings = [float(np.arctan2(way[1], way[0])) for way in ways if np.hypot(*way[:2]) > STILL]
+        if not headings:
+            continue
+        change = math.remainder(headings[-1] - headings[0], 2.0 * math.pi)
+        low = times[first] if first == 0 else (times[first - 1] + times[first]) / 2.0
+        high = times[last] if last == len(times) - 1 else (times[last] + times[last + 1]) / 2.0
+        span = (float(times[first]), float(times[last]))
+        found.append(_Stop(span, (headings[0], headings[0] + change), (float(low), float(high))))
+    return found
+
+
+def _spline(times: npt.NDArray[np.float64], values: npt.NDArray[np.float64], name: str) -> PPoly:
+    """Return the curve through values, or raise where its derivatives are beyond all numbers."""
     if np.isfinite(times).all():
         with np.errstate(all="ignore"):
             try:
-                spline = CubicSpline(times, values)
+                spline = shaped_spline(times, values)
             except (ValueError, np.linalg.LinAlgError):
                 spline = None
         if spline is not None and np.isfinite(spline.c).all():
