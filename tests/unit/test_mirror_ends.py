@@ -112,11 +112,12 @@ def test_a_weight_does_not_depend_on_what_else_is_asked_for(tmp_path) -> None:
     ends = ends_of(tmp_path, things)
     assert len(ends.mirrors) == 1
     assert not free_at(ends, np.array([2.3, 2.0, 0.0])) and free_at(ends, np.array([5.3, 1.0, 0.0]))
-    point = np.array([(2.0, 2.02, 0.0), (5.0, 1.03, 0.0), (5.0, 0.95, 0.0), (9.0, 2.05, 0.0), (5.0, 1.3, 0.0)])
-    at = Reflections(np.zeros(5, np.int64), point, np.tile([0.6, 0.0, -0.8], (5, 1)), np.full(5, 0.2))
+    point = np.array([(2.0, 2.02), (5.0, 1.03), (5.0, 0.95), (9.0, 2.05), (5.0, 1.3), (12.0, 0.0)])
+    point = np.column_stack([point, np.zeros(6)])
+    at = Reflections(np.zeros(6, np.int64), point, np.tile([0.6, 0.0, -0.8], (6, 1)), np.full(6, 0.2))
     together = ends.weight(at)
-    assert together == pytest.approx(np.concatenate([ends.weight(at.take(np.array([k]))) for k in range(5)]), abs=1e-12)
-    assert abs(together[[0, 3]] - 1.0).max() < 0.1 and abs(together[4]) < 0.1
+    assert together == pytest.approx(np.concatenate([ends.weight(at.take(np.array([k]))) for k in range(6)]), abs=1e-12)
+    assert abs(together[[0, 3]] - 1.0).max() < 0.1 and abs(together[4]) < 0.1 and together[5] == 0.0
 
 
 @pytest.mark.parametrize(("bend", "free"), [(0.01, False), (0.04, True)])

@@ -261,18 +261,24 @@ class MirrorEnds:
         """Return the field of reflections over that of mirrors without end, shape (num_points,).
 
         Each point is taken to be on its mirror, or what lies in its plane beside it, unless a free edge is the nearest
-        and the point beyond it: there its field belongs to the mirror whose edge that is. So the weight means nothing
-        where no mirror shows the point.
+        and the point beyond it: there its field belongs to the mirror whose edge that is, and farther than the reach
+        there is none.
         """
         found = np.ones(len(at.mirror), dtype=np.complex128)
         for number, rows, some, near in self._pieces_near(at):
-            found[rows] = self._weight(number, near, some)
+            if near.free.any():
+                found[rows] = self._weight(number, near, some)
+            elif not len(near.owner):  # no outline runs between them: all are on the side of the first
+                owner, _ = self._beyond(number, self._outline(number), some.take(np.arange(1)))
+                found[rows] = 1.0 if owner[0] == _NOT_BEYOND else 0.0
         return found
 
     def goes_on(self, at: Reflections) -> Flags:
         """Return which of some points beside their mirrors are near to a free edge of them, shape (num_points,)."""
         found = np.zeros(len(at.mirror), dtype=np.bool_)
         for number, rows, some, near in self._pieces_near(at, own=True):
+            if not len(near.owner):
+                continue
             height, distance = edge_distances(*self._seen(number, near, some))
             found[rows] = ((height < 0.0) & (distance < self.knobs.end_reach)).any(axis=1)
         return found
@@ -391,9 +397,9 @@ class MirrorEnds:
         return np.asarray(self.knobs.end_reach * np.hypot(edge[:, 0], edge[:, 1]) / np.maximum(area, 1e-12))
 
     def _pieces_near(self, at: Reflections, own: bool = False) -> Iterator[tuple[int, Index, Reflections, Outline]]:
-        """Yield reflections at one mirror, some at a time, with the pieces that may be near to them.
+        """Yield reflections at one mirror, some at a time, with the pieces that may be near to them, if any are.
 
-        Some of the pieces are free; with `own` all are, and of that mirror.
+        Of mirrors with free edges only; with `own` all of the pieces are free, and of that mirror.
         """
         for number in np.unique(at.mirror).tolist():
             outline = self._outline(number)
@@ -406,9 +412,7 @@ class MirrorEnds:
             together = max(_TOGETHER, _COMPARED // len(outline.owner))
             for rows in np.array_split(there, -(-len(there) // together)):
                 some = at.take(rows)
-                near = outline.take(self._may_be_near(number, outline, some))
-                if near.free.any():
-                    yield number, rows, some, near
+                yield number, rows, some, outline.take(self._may_be_near(number, outline, some))
 
     def _may_be_near(self, number: int, outline: Outline, at: Reflections) -> Flags:
         """Return which pieces may be within the reach of some reflections, by a box along their rays."""
