@@ -198,12 +198,11 @@ def _sensor_columns(
     elif isinstance(result, LidarScan):
         columns += _lidar_columns(name, result)
     elif isinstance(result, ImageFrame):
-        for item in known:
+        for item in schema.camera_table(result.spec):
             pixels = getattr(result, item.name)
             if item is not schema.POSE and pixels is not None:
-                columns.append(
-                    (item, encode_depth(pixels, result.spec.max_distance) if item.name == "depth" else pixels)
-                )
+                is_code = item.name == "depth" and item is not schema.DEPTH_EXACT
+                columns.append((item, encode_depth(pixels, result.spec.max_distance) if is_code else pixels))
     return table, columns, extra
 
 

@@ -8,13 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any, Literal
+
+import numpy as np
 
 from scarl_sionna.core.channels import RadioChannels
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.core.results import ClosedRadarFrame, Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
 
 SCHEMA_VERSION = 3
@@ -352,6 +356,19 @@ RADIO: tuple[Field, ...] = (
     ),
 )
 
+DEPTH_EXACT = Field(
+    "depth",
+    "float32",
+    ("row", "column"),
+    "m",
+    "depth along the optical axis, negative behind the camera's plane, inf where nothing is hit (cameras that the code "
+    "does not do for: they see 80 deg and more off the axis, or beyond 1000 m)",
+)
+_WIDEST_CODE = np.radians(80.0)
+"""A camera that sees farther off its axis has depths of any size, also below 0, on surfaces that are not near [rad]."""
+_FARTHEST_CODE = 1000.0
+"""The smallest depth of the code is at most 5 cm with this `max_distance` [m]."""
+
 ADC_COMPLEX = Field(
     "adc",
     "complex64",
@@ -428,6 +445,24 @@ def tables_of(rig: Mapping[str, Any]) -> dict[str, tuple[Field, ...]]:
         for name, items in TABLES.items()
         if name not in _OF_SOME_RIGS or name in there
     }
+
+
+def camera_table(spec: CameraSpec) -> tuple[Field, ...]:
+    """Return the fields that are stored of a camera: depth as a code, or as it is where the code does not do for it."""
+    if not _is_depth_exact(spec):
+        return CAMERA
+    return tuple(DEPTH_EXACT if item.name == "depth" else item for item in CAMERA)
+
+
+@lru_cache(maxsize=256)
+def _is_depth_exact(spec: CameraSpec) -> bool:
+    return spec.max_distance > _FARTHEST_CODE or spec.widest_angle >= _WIDEST_CODE
+
+
+def mount_table(mount: Mapping[str, Any]) -> tuple[Field, ...] | None:
+    """Return the fields that are stored of a sensor by its entry in a rig; None for a kind that is not built in."""
+    kind = mount["kind"]
+    return camera_table(CameraSpec(**mount["spec"])) if kind == "camera" else TABLES.get(kind)
 
 
 def check_schema() -> None:

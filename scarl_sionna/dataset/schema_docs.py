@@ -11,7 +11,7 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 
 from .codec import DEPTH_FORMULA
 from .encoding import StoreOptions
-from .schema import ADC_COMPLEX, SCHEMA_VERSION, TABLES, Field
+from .schema import ADC_COMPLEX, DEPTH_EXACT, SCHEMA_VERSION, TABLES, Field
 from .store.manifest import CONVENTIONS
 
 _TITLES = {
@@ -100,14 +100,18 @@ ds.rig, ds.calibration, ds.splits, ds.sensors
 there. Without this package, `zarr`, `xarray` (`xarray.open_zarr("files/arrays/drive", group="front_center/radar",
 consolidated=False)`), Pillow and `json` read everything in the layout `files`; of the layout `packed`, `zipfile` and Pillow read images.
 
-All is as the sensors gave it, bit for bit, but: depth (16-bit code, within 7.6e-5 of the depth), normals of the camera (float16, within
-2.5e-4), and the times that something took, which are not stored.
+All is as the sensors gave it, bit for bit, but: depth (16-bit code, within 7.6e-5 of the depth from 5 cm on, nearer is 5 cm; of cameras that see
+80 deg or more off their axis, or beyond 1000 m, it is as it was), normals of the camera (float16, within 2.5e-4), and the times that something took, which are not stored.
 
 A name in a file of a dataset that would lead out of its folder, also through a link, is not followed: it raises `DatasetError`.
 
 ## Versions
 
 A reader reads every schema version up to its own, and refuses a newer one. A new optional field does not raise the version.
+
+In datasets of before the depth of cameras that see 80 deg or more off their axis (fisheyes), or whose `max_distance` is above 1000 m, is a code, too: what is
+behind the camera's plane, or nearer to it than `max_distance` / 20000, is that smallest depth there, wrongly, and has to be made again. Today such a camera has an array in
+place of the images, which older readers do not see.
 
 ## Sensors of other packages
 
@@ -135,7 +139,7 @@ def schema_page() -> str:
     )
     parts = [head]
     for name, fields in TABLES.items():
-        extra = (ADC_COMPLEX,) if name == "radar" else ()
+        extra = {"radar": (ADC_COMPLEX,), "camera": (DEPTH_EXACT,)}.get(name, ())
         parts.append("\n".join([f"### {_TITLES[name]}", "", *_table((*fields, *extra)), ""]))
     parts.append("\n".join(["## Conventions", "", *_conventions(), ""]))
     parts.append(_READING)

@@ -20,6 +20,7 @@ from scarl_sionna.core.errors import DatasetError, OutputError, ParameterRangeEr
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.dataset import StoreOptions, open_dataset, write_dataset
 from scarl_sionna.dataset.codec import DEPTH_RATIO, decode_depth, encode_depth
 from scarl_sionna.dataset.encoding import encode_frame
@@ -36,6 +37,7 @@ from scarl_sionna.dataset.store.shards import (
     shard_key,
 )
 from scarl_sionna.dataset.store.writer import DatasetFolder
+from scarl_sionna.dataset.verify import verify
 from scarl_sionna.fusion import Rig, SensorMount
 from tests.frames import CAMERA, RIG, assert_same, make_frame
 
@@ -395,6 +397,35 @@ def test_depth_code_of_nothing_too_near_and_too_far() -> None:
     code = encode_depth(np.array([np.inf, 1e-9, 1000.0, 2000.0], np.float32), 1000.0)
     assert code.tolist() == [0, 1, 65535, 65535]
     assert np.isinf(decode_depth(code, 1000.0)[0])
+
+
+@pytest.mark.parametrize("layout", ["files", "packed"])
+def test_depth_that_no_code_holds_comes_back_exactly(tmp_path, layout) -> None:
+    """Of a fisheye, on both sides of its plane, and of a camera that sees to 5 km; one of 158 deg keeps the code."""
+    lens, size = ss.KannalaBrandt(max_angle_deg=105.0), {"width": 24, "height": 16, "images": ("depth",)}
+    specs = {
+        "fish": CameraSpec(lens=lens, horizontal_fov_deg=200.0, **size),
+        "far": CameraSpec(max_distance=5000.0, **size),
+        "coded": CameraSpec(lens=lens, focal_length_px=10.5, **size),  # to 79 deg in the corners
+    }
+    rng = np.random.default_rng(0)
+    depth = rng.normal(size=(16, 24)).astype(np.float32) ** 3
+    depth[0, :3] = np.inf, 0.0, -0.01
+    images = {"fish": depth, "far": np.abs(depth), "coded": np.abs(depth) + np.float32(0.06)}
+    results = {name: ImageFrame(spec, Pose(), depth=images[name]) for name, spec in specs.items()}
+    rig = Rig("eyes", tuple(SensorMount(name, "camera", spec, Pose()) for name, spec in specs.items()))
+    frame = replace(FRAMES[0], results=results, objects=())
+    options = StoreOptions(layout=layout)
+    out = write_dataset(tmp_path / "out", rig.to_dict(), {"a": [frame]}, options=options)
+    assert not list(verify(out).faults)
+    dataset = open_dataset(out)
+    again = dataset[0].to_frame().results
+    for name in ("fish", "far"):
+        np.testing.assert_array_equal(again[name].depth, images[name])
+        assert dataset[0].image[name].depth.dtype == np.float32
+    np.testing.assert_allclose(again["coded"].depth, images["coded"], rtol=7.7e-5)
+    conventions = json.loads((out / "manifest.json").read_text())["conventions"]
+    assert "negative behind the camera's plane" in conventions["depth of fish, far"]
 
 
 def test_every_field_of_the_made_frame_is_there() -> None:

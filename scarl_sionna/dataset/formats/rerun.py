@@ -145,9 +145,8 @@ def _log_image(rr: ModuleType, recording: RecordingStream, path: str, image: Ima
     if image.rgb is not None:
         recording.log(f"{optical}/rgb", rr.Image(image.rgb).compress(jpeg_quality=90))
     if image.depth is not None:
-        recording.log(
-            f"{optical}/depth", rr.DepthImage(np.where(np.isfinite(image.depth), image.depth, 0.0), meter=1.0)
-        )
+        is_ahead = np.isfinite(image.depth) & (image.depth > 0.0)
+        recording.log(f"{optical}/depth", rr.DepthImage(np.where(is_ahead, image.depth, 0.0), meter=1.0))
     if image.semantic is not None:
         recording.log(f"{optical}/semantic", rr.SegmentationImage(image.semantic))
 

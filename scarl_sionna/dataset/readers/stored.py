@@ -219,7 +219,7 @@ class StoredImage(StoredResult):
         if self._by_name[name].storage == "png":
             file = scene.read_image(index, self.name, name)
             if file is None:
-                return None
+                return self.read(name) if name == "depth" else None
             pixels = decode_png(name, file, f"frame {index}, {self.name}/{name}")
             return decode_depth(pixels, self.spec.max_distance) if name == "depth" else pixels
         value = self.read(name)

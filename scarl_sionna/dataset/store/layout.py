@@ -146,7 +146,7 @@ def _fields(plan: DatasetPlan) -> tuple[dict[str, int], set[str]]:
     """
     tables = {"": schema.FRAME, "objects": schema.OBJECTS}
     for mount in plan.rig["sensors"]:
-        tables[mount["name"]] = schema.TABLES.get(mount["kind"]) or _foreign(mount["kind"])
+        tables[mount["name"]] = schema.mount_table(mount) or _foreign(mount["kind"])
     items = [(f"{group}/{item.name}".lstrip("/"), item) for group, table in tables.items() for item in table]
     if plan.options.radar_format == "complex64":
         items = [

@@ -224,7 +224,7 @@ def manifest_data(plan: DatasetPlan, shards: Mapping[str, list[list[Any] | None]
         },
         "splits": {split: [scene.name for scene in plan.scenes if scene.split == split] for split in SPLITS},
         "calibration": {mount["name"]: _calibration(mount) for mount in plan.rig["sensors"]},
-        "conventions": CONVENTIONS,
+        "conventions": _conventions(plan.rig),
         "depth_formula": DEPTH_FORMULA,
         "semantic_classes": list(SEMANTIC_CLASSES),
         "semantic_colors": SEMANTIC_COLORS.tolist(),
@@ -234,6 +234,13 @@ def manifest_data(plan: DatasetPlan, shards: Mapping[str, list[list[Any] | None]
         },
         "shards": {name: shards.get(name, []) for name in sorted(shards)},
     }
+
+
+def _conventions(rig: Mapping[str, Any]) -> dict[str, str]:
+    """Return the conventions of a dataset, with the cameras whose depth is no code."""
+    exact = [mount["name"] for mount in rig["sensors"] if schema.DEPTH_EXACT in (schema.mount_table(mount) or ())]
+    form = f"no code: {schema.DEPTH_EXACT.dtype}, {schema.DEPTH_EXACT.description}"
+    return {**CONVENTIONS, **({f"depth of {', '.join(exact)}": form} if exact else {})}
 
 
 def without_later(data: Mapping[str, Any], written: Mapping[str, Any]) -> dict[str, Any]:

@@ -177,9 +177,9 @@ class DrivableMap:
 def _road_points(image: ImageFrame, semantic: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
     """Return the road seen in a depth image within 60 m, shape (N, 3) [m, world]."""
     assert image.depth is not None
-    line, column = np.nonzero(_DRIVABLE[semantic] & (image.depth < _MAP_REACH))
-    rays = image.spec.rays(np.stack([column + 0.5, line + 0.5], axis=-1))
-    optical = rays * (image.depth[line, column] / rays[:, 2])[:, None]
+    line, column = np.nonzero(_DRIVABLE[semantic] & (np.abs(image.depth) < _MAP_REACH))
+    optical = image.spec.unproject(np.stack([column + 0.5, line + 0.5], axis=-1), image.depth[line, column])
+    optical = optical[np.linalg.norm(optical, axis=1) < 2.0 * _MAP_REACH]  # a fisheye sees far beside itself
     return image.world_from_sensor.apply(optical @ CAMERA_OPTICAL_FROM_SENSOR)
 
 
