@@ -88,14 +88,38 @@ def test_the_power_table_is_the_mean_over_phases(device) -> None:
     assert mean[cell] == pytest.approx(power[cell], rel=5.0 * 1.0 / np.sqrt(400.0))
 
 
-def test_compensated_motion_needs_one_table_over_range_and_velocity() -> None:
+def test_compensated_motion_shears_the_factors_over_range_and_velocity() -> None:
     paths = points([20.1, 24.3], [5.0, -9.0], [9.0, -14.0])
     true = processed(paths, compensate_motion=True)
-    whole = ss.closed_radar_of(true, 4, 12)
-    assert not whole.spread.is_separable
+    default = ss.closed_radar_of(true)
+    assert default.spread.is_separable and default.spread.range_per_velocity > 0.0
+    assert apart_db(true, ss.map_of_paths(paths, default)) < -60.0
     factors = ss.closed_radar_of(processed(paths), 16, WHOLE).with_(compensates_motion=True)
-    assert apart_db(true, ss.map_of_paths(paths, whole)) < -55.0
     assert -55.0 < apart_db(true, ss.map_of_paths(paths, factors)) < -30.0
+    whole = _whole(ss.closed_radar_of(true, 4, 8))
+    assert apart_db(true, ss.map_of_paths(paths, whole)) < -50.0
+
+
+def _whole(device: ss.ClosedRadarSpec) -> ss.ClosedRadarSpec:
+    """Return the device with one table over all axes."""
+    spread = device.spread
+    velocity, azimuth = (spread.velocity_offset, ()), (spread.azimuth_offset_deg, ())
+    return device.with_(spread=ss.PointSpread.of_arrays(spread.range_offset, spread.values, velocity, azimuth))
+
+
+def test_sheared_sidelobes_come_in_at_the_other_end_of_the_ranges() -> None:
+    # 24 m/s stand in the last row and, 51.2 m/s off, in the first one, whose ranges are compensated for -25.6 m/s
+    paths = points([30.0, 63.6], [5.0, -9.0], [24.0, 24.0], [1.0, 20.0])
+    for window, bar in (("hann", -55.0), ("rect", -38.0)):  # a tenth of a cell aside in the first row: -12 dB
+        true = processed(paths, window, compensate_motion=True)
+        assert apart_db(true, ss.map_of_paths(paths, ss.closed_radar_of(true, 16, WHOLE))) < bar
+
+
+def test_the_radar_in_place_of_its_map_is_told_what_to_give() -> None:
+    with pytest.raises(InputTypeError, match="range_doppler_angle"):
+        ss.closed_radar_of(RADAR)
+    with pytest.raises(ParameterRangeError, match="at most 131072 values"):
+        ss.closed_radar_of(processed(points(10.0, 0.0)), 100_000)
 
 
 def test_folded_velocities_stand_where_the_device_shows_them(device) -> None:

@@ -22,6 +22,23 @@ def test_factors_multiply_to_the_table() -> None:
     assert not whole.is_separable and np.array_equal(whole.values, SPREAD.values)
 
 
+def test_sheared_factors_give_the_table_that_they_stand_for(tmp_path) -> None:
+    lobe = np.exp(-0.5 * (OFFSET / 0.5) ** 2)
+    sheared = ss.PointSpread.of_arrays(OFFSET, lobe, (OFFSET, lobe), range_per_velocity=0.25)
+    exact = np.exp(-0.5 * ((OFFSET[:, None] + 0.25 * OFFSET) / 0.5) ** 2) * lobe
+    inside = np.abs(OFFSET[:, None] + 0.25 * OFFSET) <= 2.0
+    assert np.allclose(sheared.values, np.where(inside, exact, 0.0), atol=1e-4)
+    assert ss.read_point_spread(ss.write_point_spread(sheared, tmp_path / "sheared.npz")) == sheared
+    with pytest.raises(SpecError, match="factors over range and velocity only"):
+        ss.PointSpread.of_arrays(OFFSET, LOBE, range_per_velocity=0.25)
+
+
+def test_a_table_too_large_is_refused_before_it_takes_memory() -> None:
+    axis = np.linspace(-1.0, 1.0, 201)
+    with pytest.raises(SpecError, match=r"201 x 201 x 201 = 8120601 values.*at most 4000000"):
+        ss.PointSpread.of_arrays(axis, np.broadcast_to(1.0, (201, 201, 201)), (axis, ()), (axis, ()))
+
+
 @pytest.mark.parametrize("whole", [False, True])
 def test_npz_files_give_the_table_again(tmp_path, whole) -> None:
     spread = SPREAD

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.prompt.arguments import expect
 from scarl_sionna.core.specs.radar.closed.device import ClosedRadarSpec, MapAxes
 from scarl_sionna.core.specs.radar.closed.table import PointSpread
 from scarl_sionna.core.specs.radar.tones import seen_by
@@ -18,6 +19,10 @@ from scarl_sionna.signal.receivers import response_weights
 from scarl_sionna.signal.windows import window_values
 
 Array = npt.NDArray[np.float64]
+
+MOST_OFFSETS = 1 << 17
+"""Values of a factor."""
+_AT_ONCE = 1 << 22
 
 
 def closed_radar_of(
@@ -41,19 +46,24 @@ def closed_radar_of(
     Returns
     -------
     ClosedRadarSpec
-        With a factor for each axis; of a map whose motion is compensated with one table over all, since each row of
+        With a factor for each axis; of a map whose motion is compensated that over range is sheared, since each row of
         velocity then has a range of its own.
 
     Raises
     ------
+    InputTypeError
+        If `rda` is no map.
     ParameterRangeError
-        If the radar has no linear ramps of I and Q or no uniform line of antennas, or a number is out of range.
+        If the radar has no linear ramps of I and Q or no uniform line of antennas, a number is out of range, or a
+        factor would have more than 131,072 values.
 
     Notes
     -----
     Exact at the table's values: transforms of the windows about the middle of the frame. What the map has beyond is
     the migration over range within a frame, and what is between the values.
     """
+    example = "give ss.range_doppler_angle(ss.virtual_cube(adc, radar), radar): the map is needed, not the radar alone"
+    expect("rda", rda, RangeDopplerAngle, example)
     rd, radar = rda.channels, rda.channels.radar
     line = uniform_line(radar)
     if not isinstance(radar.waveform, Fmcw) or radar.adc.is_real or radar.multiplexing.is_coded or line is None:
@@ -73,15 +83,15 @@ def closed_radar_of(
     over_azimuth = np.exp(2j * np.pi * np.outer(sine, place)) @ window_values(angle_window, len(place))
     over_velocity = _transform(weights[1], cells[1])
     degrees = np.degrees(np.arcsin(sine))
-    if rd.is_compensated:
-        skew = coupling(seen_by(radar)) * radar.center_frequency / radar.waveform.sweep.slope
-        shifted = distance[:, None] + skew * velocity
-        over_range = _transform(weights[0], shifted.ravel() / sizes[0]).reshape(shifted.shape)
-        table = (over_range * over_velocity)[:, :, None] * over_azimuth
-        spread = PointSpread.of_arrays(distance, table, (velocity, ()), (degrees, ()))
-    else:
-        over_range = _transform(weights[0], cells[0])
-        spread = PointSpread.of_arrays(distance, over_range, (velocity, over_velocity), (degrees, over_azimuth))
+    over_range = _transform(weights[0], cells[0])
+    skew = coupling(seen_by(radar)) * radar.center_frequency / radar.waveform.sweep.slope
+    spread = PointSpread.of_arrays(
+        distance,
+        over_range,
+        (velocity, over_velocity),
+        (degrees, over_azimuth),
+        range_per_velocity=skew if rd.is_compensated else 0.0,
+    )
     given: dict[str, object] = {
         "noise_power_dbm": float(watt_to_dbm(rda.noise_power)),
         "compensates_motion": rd.is_compensated,
@@ -96,10 +106,15 @@ def closed_radar_of(
 def _offsets(count: int, oversampling: int, reach: int) -> Array:
     """Return the offsets of a table [cells], 0 among them."""
     most = int(np.floor(min(reach, 0.5 * count) * oversampling))
+    if 2 * most + 1 > MOST_OFFSETS:
+        what = f"{2 * most + 1} values of a factor over {count}"
+        raise ParameterRangeError("oversampling", oversampling, f"a factor of at most {MOST_OFFSETS} values", what)
     return np.arange(-most, most + 1) / oversampling
 
 
 def _transform(weights: Array, offset: Array) -> Array:
     """Return the transform of weights about their middle at offsets [cells]."""
     position = (np.arange(len(weights)) - (len(weights) - 1) / 2.0) / len(weights)
-    return np.asarray(np.cos(2.0 * np.pi * np.outer(offset, position)) @ weights)
+    count = max(1, _AT_ONCE // len(weights))
+    blocks = (offset[first : first + count] for first in range(0, len(offset), count))
+    return np.concatenate([np.cos(2.0 * np.pi * np.outer(block, position)) @ weights for block in blocks])

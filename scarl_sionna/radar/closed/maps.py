@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline, NdBSpline, make_interp_spline
+from scipy.interpolate import NdBSpline, make_interp_spline
 from scipy.sparse import csr_array
 
 from scarl_sionna.core.errors import ScarlWarning
@@ -232,7 +232,7 @@ def _summed(places: PathPlaces, device: ClosedRadarSpec) -> Complex:
     for start in range(0, len(strength), count):
         rows = slice(start, start + count)
         near = [grid.near(place[rows]) for grid, place in zip(grids, where, strict=True)]
-        value = _turned(table, near[:last], spread) * strength[rows].reshape(-1, *(1,) * last)
+        value = _turned(table, near[:last], grids[:last], spread) * strength[rows].reshape(-1, *(1,) * last)
         cell = np.zeros((len(value), *(1,) * last), dtype=np.int64)
         for number, (index, _, _) in enumerate(near[:last]):
             cell = cell + stride.get(spread.axes[number], 1) * index.reshape(len(value), *_along(number, last))
@@ -240,20 +240,44 @@ def _summed(places: PathPlaces, device: ClosedRadarSpec) -> Complex:
         if over_azimuth is not None:  # all azimuths of a path at once: a product of matrices
             wide = np.zeros((len(value), shape[2]), dtype=np.complex128)
             path = np.broadcast_to(np.arange(len(value))[:, None], near[last][0].shape)
-            np.add.at(wide, (path, near[last][0]), _turned(over_azimuth, near[last:], spread))
+            np.add.at(wide, (path, near[last][0]), _turned(over_azimuth, near[last:], grids[last:], spread))
         starts = np.arange(len(value) + 1) * width
         spread_out = csr_array((value.ravel(), cell.ravel(), starts), shape=(len(value), len(total)))
         total += spread_out.T @ wide
     return np.asarray(total.reshape(shape))
 
 
-def _turned(table: _Table, near: Sequence[tuple[Index, Array, Array | None]], spread: PointSpread) -> Complex:
+def _turned(
+    table: _Table, near: Sequence[tuple[Index, Array, Array | None]], axes: Sequence[_Axis], spread: PointSpread
+) -> Complex:
     """Return the table's values at offsets along each axis, with what amplitudes turn by beyond periods."""
-    value = table(tuple(offset for _, offset, _ in near))
-    for number, (_, _, turn) in enumerate(near):
-        if turn is not None and spread.kind == "amplitude":
-            value = value * phasor(turn).reshape(len(value), *_along(number, len(near)))
+    count = len(near)
+    offsets = [offset.reshape(len(offset), *_along(number, count)) for number, (_, offset, _) in enumerate(near)]
+    passed = [
+        None if periods is None else periods.reshape(len(periods), *_along(number, count))
+        for number, (_, _, periods) in enumerate(near)
+    ]
+    for number, axis in enumerate(axes):
+        if axis.shear:  # by how far velocities are apart, periods and all
+            apart, periods, span = offsets[number + 1], passed[number + 1], axes[number + 1].period
+            if periods is not None and span is not None:
+                apart = apart + span * periods
+            offsets[number], more = _folded(offsets[number] + axis.shear * apart, axis.period)
+            own = passed[number]
+            passed[number] = more if own is None or more is None else own + more
+    value = table(tuple(offsets))
+    for axis, periods in zip(axes, passed, strict=True):
+        if axis.turn and periods is not None and spread.kind == "amplitude":
+            value = value * phasor(periods * axis.turn)
     return value
+
+
+def _folded(offset: Array, period: float | None) -> tuple[Array, Array | None]:
+    """Return offsets within half a period, and how many periods they were beyond; as they are without a period."""
+    if period is None:
+        return offset, None
+    periods = np.round(offset / period)
+    return offset - period * periods, periods
 
 
 def _along(number: int, count: int) -> tuple[int, ...]:
@@ -270,6 +294,7 @@ class _Axis:
     period: float | None
     turn: float
     width: int
+    shear: float
 
     @classmethod
     def of(cls, device: ClosedRadarSpec, axis: str) -> _Axis:
@@ -283,23 +308,25 @@ class _Axis:
         else:
             cells, period = np.array(device.axes.range), device.range_period
         low, high = float(offset[0]), float(offset[-1])
+        shear = spread.range_per_velocity if axis == "range" else 0.0
+        aside = abs(shear) * device.velocity_span  # rows of velocity reach to other cells
+        low, high = low - aside, high + aside
         step = float(np.diff(cells).min()) if len(cells) > 1 else np.inf
         width = min(int(np.floor((high - low) / step)) + 1, len(cells))
         turn = device.period_phase_deg[AXES.index(axis)] / 360.0
-        return cls(cells, low, high, period, turn, width)
+        return cls(cells, low, high, period, turn, width, shear)
 
     def near(self, place: Array) -> tuple[Index, Array, Array | None]:
-        """Return cells around places, their offsets from them, and what they turn by beyond a period [cycles].
+        """Return cells around places, their offsets from them, and how many periods they are beyond those.
 
         Shape (num_paths, width) each; some are beyond the table.
         """
         if self.period is not None:
-            offset = self.cells - place[:, None]
-            periods = np.round(offset / self.period)
-            offset -= self.period * periods
+            offset, periods = _folded(self.cells - place[:, None], self.period)
+            assert periods is not None  # with a period
             index = np.argsort(np.abs(offset - 0.5 * (self.low + self.high)), axis=1)[:, : self.width]
             offset, periods = (np.take_along_axis(row, index, axis=1) for row in (offset, periods))
-            return index, offset, periods * self.turn if self.turn else None
+            return index, offset, periods
         first = np.searchsorted(self.cells, place + self.low)
         index = first[:, None] + np.arange(self.width)
         inside = index < len(self.cells)
@@ -311,25 +338,18 @@ _Table = Callable[[tuple[Array, ...]], Complex]
 
 
 def _table(spread: PointSpread, axes: range) -> _Table:
-    """Return a function from offsets along some axes, (n, width) each, to the table's values, (n, *widths)."""
-    degree = 3 if spread.interpolation == "cubic" else 1
-
-    def inside(offset: Array, number: int) -> npt.NDArray[np.bool_]:
-        own = spread.offsets[axes[number]]
-        return np.asarray((offset >= own[0]) & (offset <= own[-1]))
-
+    """Return a function from offsets along some axes, (n, *widths) together, to the table's values of that shape."""
     if spread.is_separable:
-        kinds = [_factor(spread.offsets[axis], spread.factors[axis], degree) for axis in axes]
+        kinds = [spread.factor_at(axis) for axis in axes]
 
         def product(offsets: tuple[Array, ...]) -> Complex:
             out = np.ones((len(offsets[0]), *(1,) * len(offsets)), dtype=np.complex128)
-            for number, (own, offset) in enumerate(zip(kinds, offsets, strict=True)):
-                held = inside(offset, number)
-                value = np.where(held, own(np.where(held, offset, 0.0)), 0.0)
-                out = out * value.reshape(len(value), *_along(number, len(offsets)))
+            for own, offset in zip(kinds, offsets, strict=True):
+                out = out * own(offset)
             return out
 
         return product
+    degree = 3 if spread.interpolation == "cubic" else 1
     degrees = tuple(min(degree, len(offset) - 1) for offset in spread.offsets)
     knots, values = [], spread.values
     for number, (offset, own) in enumerate(zip(spread.offsets, degrees, strict=True)):
@@ -339,22 +359,12 @@ def _table(spread: PointSpread, axes: range) -> _Table:
     whole = NdBSpline(tuple(knots), np.ascontiguousarray(values), degrees)
 
     def over_all(offsets: tuple[Array, ...]) -> Complex:
-        held = [inside(offset, number) for number, offset in enumerate(offsets)]
+        ends = [spread.offsets[axis] for axis in axes]
+        held = [(offset >= own[0]) & (offset <= own[-1]) for own, offset in zip(ends, offsets, strict=True)]
         places = [np.where(own, offset, 0.0) for own, offset in zip(held, offsets, strict=True)]
-        wide = np.broadcast_arrays(
-            *(place.reshape(len(place), *_along(number, len(places))) for number, place in enumerate(places))
-        )
-        out = np.asarray(whole(np.stack(wide, axis=-1)))
-        for number, own in enumerate(held):
-            out = out * own.reshape(len(own), *_along(number, len(held)))
+        out = np.asarray(whole(np.stack(np.broadcast_arrays(*places), axis=-1)))
+        for own in held:
+            out = out * own
         return out
 
     return over_all
-
-
-def _factor(offset: Array, values: Complex, degree: int) -> Callable[[Array], Complex]:
-    """Return the interpolant of a factor."""
-    if degree == 3:
-        spline = CubicSpline(offset, values)
-        return lambda place: np.asarray(spline(place))
-    return lambda place: np.asarray(np.interp(place, offset, values.real) + 1j * np.interp(place, offset, values.imag))

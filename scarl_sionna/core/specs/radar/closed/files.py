@@ -20,6 +20,7 @@ OFFSETS = {"range": "range_offset_m", "velocity": "velocity_offset_mps", "azimut
 """What offsets are called in files: the unit stands in the name."""
 MOST_BYTES = 256 * MEGABYTE
 _WORDS = ("kind", "azimuth_scale", "interpolation")
+_SHEAR = "range_per_velocity_s"
 _FIELDS = {"range": "range_offset", "velocity": "velocity_offset", "azimuth": "azimuth_offset_deg"}
 
 
@@ -32,9 +33,9 @@ def read_point_spread(path: str | Path, **fields: object) -> PointSpread:
         An ``.npz`` with ``range_offset_m``, where the device has them ``velocity_offset_mps`` and
         ``azimuth_offset_deg``, and either ``range_response``, ``velocity_response``, ``azimuth_response`` or one
         ``response`` of shape (num_range[, num_velocity][, num_azimuth]), complex or real; ``kind``, ``azimuth_scale``
-        and ``interpolation`` as words. Or a folder with ``range.csv``, and ``velocity.csv``, ``azimuth.csv`` where the
-        device has them: columns of the offset, of those names, ``level_db`` (of the power, 0 at the point) and, where
-        it was measured, ``phase_deg``.
+        and ``interpolation`` as words, ``range_per_velocity_s`` of factors. Or a folder with ``range.csv``, and
+        ``velocity.csv``, ``azimuth.csv`` where the device has them: columns of the offset, of those names,
+        ``level_db`` (of the power, 0 at the point) and, where it was measured, ``phase_deg``.
     **fields
         Of the specification that the file does not have. Tables of a folder without phases are of ``kind="power"``.
 
@@ -66,6 +67,7 @@ def write_point_spread(spread: PointSpread, path: str | Path) -> Path:
     """
     out = Path(path)
     rows: dict[str, npt.NDArray[Any]] = {name: np.array(getattr(spread, name)) for name in _WORDS}
+    rows[_SHEAR] = np.array(spread.range_per_velocity)
     for axis in spread.axes:
         rows[OFFSETS[axis]] = np.array(getattr(spread, _FIELDS[axis]))
     if spread.is_separable:
@@ -82,7 +84,7 @@ def write_point_spread(spread: PointSpread, path: str | Path) -> Path:
 
 def _of_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, object]:
     """Return the fields of a point spread from the arrays of a file."""
-    known = {*OFFSETS.values(), *_WORDS, "response", *(f"{axis}_response" for axis in AXES)}
+    known = {*OFFSETS.values(), *_WORDS, _SHEAR, "response", *(f"{axis}_response" for axis in AXES)}
     _check_names(set(arrays), known)
     data: dict[str, object] = {}
     for axis in AXES:
@@ -98,6 +100,8 @@ def _of_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, object]:
         shape = tuple(len(arrays[name]) for name in OFFSETS.values() if name in arrays)
         if arrays["response"].shape != shape:
             raise ValueError(f"response has the shape {arrays['response'].shape}, its axes {shape}")
+    if _SHEAR in arrays:
+        data["range_per_velocity"] = float(arrays[_SHEAR])
     return data | {name: str(arrays[name]) for name in _WORDS if name in arrays}
 
 

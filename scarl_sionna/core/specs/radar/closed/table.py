@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal
@@ -10,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
+from scarl_sionna.core.errors import SpecError
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import Degrees, Metres, MetresPerSecond
+from scarl_sionna.core.units import Degrees, Metres, MetresPerSecond, Seconds
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -20,6 +22,7 @@ Value = tuple[float, float]
 
 AXES = ("range", "velocity", "azimuth")
 MOST_VALUES = 4_000_000
+"""Of one table over all axes: 0.5 GB while it is checked."""
 SLACK = 0.05
 """The value at 0 may differ from 1 by so much, and no other may be so much above 1: tables are measured."""
 _FEWEST = 3
@@ -28,8 +31,10 @@ _FEWEST = 3
 class PointSpread(Spec):
     """Response of a radar's map to a point, over what a cell is beside the point: 1 at the point, 0 beyond the table.
 
-    Either a factor for each axis, or one table over all of them. An axis that the device does not have is left out. Of
-    azimuth the table holds for a point at boresight; elsewhere the response keeps its width in the sine of azimuth
+    Either a factor for each axis, or one table over all of them. An axis that the device does not have is left out.
+    Where each row of velocity has a range of its own, as in maps whose motion is compensated, `range_per_velocity`
+    shears the factors: at offsets d, v and a from the point the response is R(d + k v) V(v) A(a), v not folded in R.
+    Of azimuth the table holds for a point at boresight; elsewhere the response keeps its width in the sine of azimuth
     (arrays), or in azimuth itself (antennas that turn).
 
     Raises
@@ -56,6 +61,9 @@ class PointSpread(Spec):
         "sine",
         description='what the width over azimuth is constant in: "sine" (arrays) or "angle" (antennas that turn)',
     )
+    range_per_velocity: Seconds = Field(
+        0.0, description="what the offset over range of the factor grows by with that over velocity [s]"
+    )
     interpolation: Literal["linear", "cubic"] = Field("cubic", description="between the values of the table")
 
     @model_validator(mode="after")
@@ -70,6 +78,8 @@ class PointSpread(Spec):
             raise ValueError(f"response of {' x '.join(map(str, self.shape))} values, not {len(self.response)}")
         if len(self.response) > MOST_VALUES:
             raise ValueError(f"at most {MOST_VALUES} values, not {len(self.response)}")
+        if self.range_per_velocity and not self.velocity_response:
+            raise ValueError("range_per_velocity with factors over range and velocity only")
         for name, values in self._tables():
             self._check_values(name, values)
         return self
@@ -154,10 +164,30 @@ class PointSpread(Spec):
         if self.response:
             parts = np.array(self.response)
             return np.asarray((parts[:, 0] + 1j * parts[:, 1]).reshape(self.shape))
-        out = self.factors[0]
-        for factor in self.factors[1:]:
+        out, others = self.factors[0], self.factors[1:]
+        if self.range_per_velocity:
+            moved = self.offsets[0][:, None] + self.range_per_velocity * self.offsets[1]
+            out, others = self.factor_at(0)(moved) * others[0], others[1:]
+        for factor in others:
             out = out[..., None] * factor
         return out
+
+    def factor_at(self, number: int) -> Callable[[Array], Complex]:
+        """Return a function from offsets along an axis, of any shape, to its factor there: 0 beyond the table."""
+        from scipy.interpolate import CubicSpline  # a fifth of a second that few need
+
+        own, values = self.offsets[number], self.factors[number]
+        curve = CubicSpline(own, values) if self.interpolation == "cubic" else None
+
+        def at(offset: Array) -> Complex:
+            held = (offset >= own[0]) & (offset <= own[-1])
+            place = np.where(held, offset, 0.0)
+            if curve is not None:
+                return np.where(held, curve(place), 0.0)
+            found = np.interp(place, own, values.real) + 1j * np.interp(place, own, values.imag)
+            return np.where(held, found, 0.0)
+
+        return at
 
     @classmethod
     def of_arrays(
@@ -189,6 +219,10 @@ class PointSpread(Spec):
         """
         table = np.asarray(range_response)
         whole = table.ndim > 1
+        if table.size > MOST_VALUES:
+            shown = f"{' x '.join(map(str, table.shape))} = {table.size} values"
+            remedy = "take fewer values a cell, or a factor for each axis"
+            raise SpecError(cls, ("response",), shown, f"at most {MOST_VALUES}", remedy)
         data: dict[str, object] = {
             "range_offset": np.asarray(range_offset, dtype=np.float64).tolist(),
             "response" if whole else "range_response": pairs(table),
@@ -202,6 +236,14 @@ class PointSpread(Spec):
 
 
 def pairs(values: npt.NDArray[np.number]) -> list[tuple[float, float]]:
-    """Return real and imaginary parts of values of any shape, flat; by definition."""
+    """Return real and imaginary parts of values of any shape, flat.
+
+    Raises
+    ------
+    ValueError
+        If they are more than a table may have.
+    """
+    if values.size > MOST_VALUES:
+        raise ValueError(f"at most {MOST_VALUES} values, not {values.size}")
     flat = np.asarray(values, dtype=np.complex128).ravel()
     return list(zip(flat.real.tolist(), flat.imag.tolist(), strict=True))
