@@ -326,6 +326,10 @@ def test_bad_meshes(tmp_path: Path) -> None:
         ('[[instances]]\nname="x"\nshapes=["box"]', SceneError, "lacks 'class'"),
         ('[[instances]]\nname="x"\nclass="Car"\nshapes=["box"]\ncolour="red"', UnknownNameError, "colour"),
         ('[scene]\nego="x"\n[[instances]]\nname="x"\nclass="Car"\nshapes=["box"]', UnknownNameError, "ego"),
+        ('[scene]\negoo="x"', UnknownNameError, "did you mean 'ego'"),
+        ('[materials.concrete]\nradio="concrete"\nlidar_reflectence=0.4', UnknownNameError, "'lidar_reflectance'"),
+        ('[materials.concrete]\nradio="concrete"\nroughness_rms=0.004', UnknownNameError, "roughness_rms"),
+        ('[materials.concret]\nradio="concrete"', UnknownNameError, "did you mean 'concrete'"),
         ('instances = []\n[scene]\nname="n"', SceneError, "belong to no instance: box"),
         (
             '[[instances]]\nname="x"\nclass="Car"\nshapes=["box"]\n[materials.concrete]\nradio="concrete"\n'

@@ -7,6 +7,8 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from scarl_sionna.core.errors import UnknownNameError
+
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e30, le=1e30)]
@@ -44,6 +46,19 @@ def checked(model: type[ModelT], data: object) -> ModelT:
         first = found[0]
         value = repr(first["input"])[:60]
         raise ValueError(f"{place(first['loc']) or 'it'} = {value}: {first['msg']}{more}") from None
+
+
+def check_keys(table: Iterable[str], what: str, known: Iterable[str]) -> None:
+    """Check that a table has no key that its reader does not know.
+
+    Raises
+    ------
+    UnknownNameError
+        With the first that is unknown, `what` it is (``"key of [scene]"``), and the nearest known one.
+    """
+    allowed = set(known)
+    if unknown := sorted(set(table) - allowed):
+        raise UnknownNameError(what, unknown[0], allowed)
 
 
 def plain(model: BaseModel) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.untrusted.checked import check_keys
 from scarl_sionna.core.untrusted.files import Stamps, stamps
 from scarl_sionna.scene.document.material_entries import material_entries
 from scarl_sionna.scene.document.model import MaterialEntry
@@ -198,18 +199,18 @@ def _unpacked(name: str) -> Path:
 def _read(file: Path, _changed: Stamps) -> ActorModel:
     table = model_tables(file)
     where = f"{file.parent.name}/actor.toml"
-    if unknown := set(table) - _TABLES:
-        raise UnknownNameError(f"table of {where}", sorted(unknown)[0], _TABLES)
+    check_keys(table, f"table of {where}", _TABLES)
     head = table.get("actor", {})
     if missing := _REQUIRED - set(head):
         raise SceneError(f"[actor] lacks '{sorted(missing)[0]}'", file)
-    if unknown := set(head) - _KEYS:
-        raise UnknownNameError(f"key of [actor] in {where}", sorted(unknown)[0], _KEYS)
+    check_keys(head, f"key of [actor] in {where}", _KEYS)
     if head["class"] not in SEMANTIC_CLASSES:
         raise UnknownNameError(f"class in {where}", str(head["class"]), SEMANTIC_CLASSES)
     if head["motion"] not in MOTIONS:
         raise UnknownNameError(f"motion in {where}", str(head["motion"]), MOTIONS)
     levels = _levels(file, str(head["name"]))
+    bsdfs = {bsdf for level in levels.values() for bsdf in level.bsdf_of_shape.values()}
+    check_keys(table.get("materials", {}), f"BSDF of [materials] in {where}", bsdfs)
     materials: dict[str, MaterialEntry] = {}
     for level in levels.values():
         used = set(level.bsdf_of_shape.values())

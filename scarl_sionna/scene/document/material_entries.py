@@ -8,12 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from scarl_sionna.core.errors import MaterialError, SceneError, UnknownNameError
+from scarl_sionna.core.untrusted.checked import check_keys
 
 from .model import MaterialEntry
 from .xml_file import property_of
 
 MOST_RETROREFLECTION = 5000.0
 """[cd/(lx m2)]; prismatic sheets have up to 1000."""
+_KEYS = {
+    "radio", "lidar_reflectance", "lidar_transmittance", "retroreflection", "retroreflected_luminance", "wets", "lamp",
+    "puddles", "source",
+}  # fmt: skip # a table
 LAMP_KINDS = (
     "headlamp",
     "taillamp",
@@ -42,6 +47,7 @@ def material_entries(
     for bsdf_id in sorted(used):
         if bsdf_id in table:
             row = table[bsdf_id]
+            check_keys(row, f"key of [materials.{bsdf_id}]", _KEYS)
             if "radio" not in row:
                 raise MaterialError(f"[materials.{bsdf_id}] in {path.parent.name}/scene.toml lacks 'radio'")
             optical = {key: float(row[key]) for key in ("lidar_reflectance", "lidar_transmittance") if key in row}

@@ -10,6 +10,7 @@ from typing import Any
 from scarl_sionna.core.errors import SceneError, UnknownNameError
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.core.untrusted.checked import check_keys
 from scarl_sionna.scene.actors.model import read_actor_model
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 from scarl_sionna.scene.motion.articulation import joints_from_tables
@@ -23,6 +24,12 @@ from .tables_form import scene_tables
 from .xml_file import bsdf_of, check_shapes, parse_xml, property_of
 
 _TABLES = {"scene", "lighting", "materials", "instances", "actors", "lanes", "parking", "signals"}
+
+_SCENE_KEYS = {
+    "name", "ego", "up", "enclosed", "exposure", "title", "description", "license", "licence", "source", "seed",
+    "variant", "detail", "shift", "heads", "findings",
+}  # fmt: skip # a table
+"""Of the table ``[scene]``: those with an effect, and what a builder says about its scene."""
 
 _STAGED_KEYS = {"name", "model", "variant", "detail", "colors", "radio", "phase", "trajectory"}
 
@@ -51,14 +58,16 @@ def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
         If a file is missing or broken, a shape is not a mesh, or XML and TOML contradict each other.
     MaterialError
         If a BSDF has no radio material.
+    UnknownNameError
+        If a key, a table or a name in the scene.toml is not known.
     """
     root = parse_xml(path)
     toml_path = path.parent / "scene.toml"
     table: dict[str, Any] = {}
     if toml_path.is_file():
         table = scene_tables(toml_path)
-        if unknown := set(table) - _TABLES:
-            raise UnknownNameError(f"table of {toml_path.parent.name}/scene.toml", sorted(unknown)[0], _TABLES)
+        check_keys(table, f"table of {toml_path.parent.name}/scene.toml", _TABLES)
+        check_keys(table.get("scene", {}), f"key of [scene] in {toml_path.parent.name}/scene.toml", _SCENE_KEYS)
     up = table.get("scene", {}).get("up")
     has_own_actors = any("model" not in row for row in table.get("actors", []))
     if up == "y" and has_own_actors:
@@ -73,6 +82,8 @@ def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
     sources = {str(shape.get("id")): Path(property_of(shape, "filename")).stem for shape in root.findall("shape")}
     shapes = check_shapes(root, path)
     bsdf_of_shape = {shape_id: bsdf_of(shape, path) for shape_id, shape in shapes.items()}
+    bsdfs = {*bsdf_of_shape.values(), *(str(bsdf.get("id")) for bsdf in root.iter("bsdf") if bsdf.get("id"))}
+    check_keys(table.get("materials", {}), f"BSDF of [materials] in {toml_path.parent.name}/scene.toml", bsdfs)
     info = table.get("scene", {})
     is_stated = "instances" in table or has_own_actors
     if is_stated:
@@ -113,10 +124,7 @@ def _staged(table: Mapping[str, Any], path: Path, detail: str) -> tuple[StagedAc
         if "model" not in row:
             continue
         name = str(row.get("name", "?"))
-        if unknown := set(row) - _STAGED_KEYS:
-            raise UnknownNameError(
-                f"key of [[actors]] '{name}', which names a model, in {path.name}", sorted(unknown)[0], _STAGED_KEYS
-            )
+        check_keys(row, f"key of [[actors]] '{name}', which names a model, in {path.name}", _STAGED_KEYS)
         if "name" not in row:
             raise SceneError("an [[actors]] entry lacks 'name'", path)
         given = {key: value for key, value in row.items() if key not in ("name", "model", "trajectory")}
@@ -163,8 +171,7 @@ def _instance(
 ) -> InstanceEntry:
     allowed = keys | ({"trajectory", "joints"} if kind == "actors" else set())
     name = str(row.get("name", "?"))
-    if unknown := set(row) - allowed:
-        raise UnknownNameError(f"key of [[{kind}]] '{name}' in {path.name}", sorted(unknown)[0], allowed)
+    check_keys(row, f"key of [[{kind}]] '{name}' in {path.name}", allowed)
     if lacking := {"name", "class", "shapes"} - set(row):
         raise SceneError(f"[[{kind}]] '{name}' lacks '{sorted(lacking)[0]}'", path)
     if row["class"] not in SEMANTIC_CLASSES:
