@@ -23,7 +23,7 @@ from scarl_sionna.scenario.motion.profiles import SpeedProfile, constant_way, sm
 from scarl_sionna.scenario.motion.recorded import Record, smooth_record
 from scarl_sionna.scenario.motion.routes import Route, route_points, vehicle_trajectory
 from scarl_sionna.scenario.motion.tables import read_table, read_table_actors, write_table
-from scarl_sionna.scenario.spec.motion import TableSpec
+from scarl_sionna.scenario.spec.motion import TableSpec, WaypointsSpec
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
 CAR = ActorBody(4.6, 1.8, 1.45, 2.7, -1.35)
@@ -283,3 +283,23 @@ def test_in_a_scenario_the_actors_own_body_drives_a_table(tmp_path: Path, column
         assert np.hypot(*pose.position[:2]) == pytest.approx(2.0, abs=0.01)
         assert np.angle(np.exp(1j * (pose.yaw - 0.5 * time - np.pi / 2.0))) == pytest.approx(0.0, abs=0.01)
         assert abs(np.hypot(*driven.pose(time).position[:2]) - 2.0) > 0.1
+
+
+@pytest.mark.parametrize("pace", [{"speed": 1.3}, {"times": [0.0, 2.3, 5.4]}])
+def test_people_walk_straight_from_point_to_point(pace: dict) -> None:
+    """Two legs of 3 m: on both lines up to 1 m before and after their corner, round that on its inner side."""
+    setting = Setting("urban_crossing", None, 0.0, 4.0, Path)
+    spec = WaypointsSpec(positions=[[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [3.0, 3.0, 0.0]], **pace)
+    motion = trajectory_of(spec, "man", WALKER, setting, lambda *keys: ScenarioPlace())
+    legs = set()
+    for time in np.arange(0.0, 4.3, 0.05):
+        pose, twist = motion.pose(time), motion.twist(time)
+        x, y = pose.position[:2]
+        assert np.degrees(np.arctan2(twist.linear[1], twist.linear[0]) - pose.yaw) == pytest.approx(0.0, abs=1e-3)
+        if x < 1.95 or y > 1.05:
+            legs.add(y > 1.05)
+            assert (y if x < 1.95 else x - 3.0) == pytest.approx(0.0, abs=2e-3)
+            assert np.degrees(pose.yaw) == pytest.approx(0.0 if x < 1.95 else 90.0, abs=0.85)
+        else:
+            assert x < 3.002 and y > -0.002 and np.hypot(x - 3.0, y) > 0.15 and -0.015 < pose.yaw < np.pi / 2 + 0.015
+    assert legs == {False, True}

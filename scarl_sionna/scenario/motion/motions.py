@@ -54,7 +54,7 @@ from .ground import GroundLine
 from .parking import Manoeuvre, park
 from .paths import LateralShift, PathTrajectory, SmoothPath
 from .profiles import SpeedProfile
-from .routes import Route, smoothing_of, timed_trajectory
+from .routes import Route, smoothing_of, timed_along, timed_trajectory, walked
 from .tables import SUFFIXES, TableTrack, read_table, table_tracks
 
 Array = npt.NDArray[np.float64]
@@ -66,8 +66,6 @@ MARGIN = 0.5
 frame."""
 _GAIT = (1.5, 4.0)
 """Acceleration [m/s2] and jerk [m/s3] with which a pedestrian sets off and stops."""
-_PACE = 0.2
-"""Distance of the points between those of a pedestrian [m]."""
 _REST = 0.1
 """How far from the end of a lane people stop [m]."""
 
@@ -264,8 +262,15 @@ def _waypoints(spec: WaypointsSpec, name: str, body: ActorBody, setting: Setting
         return WaypointTrajectory(times, points, spec.yaw_deg, name)
     if spec.times is not None:
         ground = None if spec.ground is None else GroundLine(spec.ground)
+        if _on_foot(body) and ground is None and not spec.reverse:
+            path, ways = walked(points, body, name)
+            return timed_along(path, ways, spec.times, body, name)
         return timed_trajectory(points, spec.times, body, ground=ground, reverse=spec.reverse, name=name)
     return _paced(points, spec, name, body, setting)
+
+
+def _on_foot(body: ActorBody) -> bool:
+    return body.motion in ("walk", "stand")
 
 
 def _times(points: Array, speed: float, depart: float) -> Array:
@@ -279,16 +284,13 @@ def _paced(points: Array, spec: WaypointsSpec, name: str, body: ActorBody, setti
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if steps.min() < 1e-3:
         raise ParameterRangeError(f"{name}.positions", "a point twice in a row", "distinct points")
-    walks = body.motion in ("walk", "stand")
-    chord = np.concatenate([[0.0], np.cumsum(steps)])
-    margin = (body.length + 1.0, body.length + 1.0)
-    if walks:  # straight from point to point, rounded at the corners
-        way = np.linspace(0.0, chord[-1], int(np.ceil(chord[-1] / _PACE)) + 1)
-        straight = np.stack([np.interp(way, chord, points[:, axis]) for axis in range(3)], axis=1)
-        path = SmoothPath(straight, smoothing_of(body), margin)
+    walks = _on_foot(body)
+    if walks:
+        path, ways = walked(points, body, name)
     else:
+        margin = (body.length + 1.0, body.length + 1.0)
         path = SmoothPath(points, min(smoothing_of(body), float(np.median(steps))), margin, sparse=True)
-    ways = path.way_of(chord) + body.rear_axle
+        ways = path.way_of(np.concatenate([[0.0], np.cumsum(steps)])) + body.rear_axle
     acceleration, jerk = _GAIT if walks else (2.0, 4.0)
     start = min(setting.start, spec.depart)
     profile = SpeedProfile(spec.speed)
