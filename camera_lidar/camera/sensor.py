@@ -8,6 +8,7 @@ import numpy as np
 
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.arguments import expect_generator
 from scarl_sionna.core.results import ImageFrame
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.rays.placement import check_placement
@@ -44,6 +45,8 @@ class Camera:
 
         Raises
         ------
+        InputTypeError
+            If `rng` is no generator, where the RGB image is asked for.
         PlacementError
             If the camera is inside a closed mesh.
         EngineError
@@ -54,6 +57,7 @@ class Camera:
         wanted = set(self.spec.images)
         images: dict[str, Any] = {}
         if "rgb" in wanted:
+            expect_generator(rng)
             images["rgb"] = render_rgb(state, self.spec, place.pose, rng, place.twist)
         if chosen := [name for name in LABEL_NAMES if name in wanted]:
             labels = render_labels(state, self.spec, place.pose, place.twist, chosen)

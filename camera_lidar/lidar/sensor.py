@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.arguments import expect_generator
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver, PulsedReceiver, ScarlReceiver
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
@@ -70,9 +71,12 @@ class Lidar:
 
         Raises
         ------
+        InputTypeError
+            If `rng` is no generator.
         PlacementError
             If the lidar is inside a closed mesh.
         """
+        expect_generator(rng)
         place = state.as_mount(mount)
         check_placement(state, place.pose.position, "lidar")
         weather = state.world.weather

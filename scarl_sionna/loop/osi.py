@@ -81,7 +81,8 @@ def osi_ground_truth(frame: Frame, host: str = "ego") -> Message:
     -------
     betterosi.GroundTruth
         Actors are moving objects, all else is stationary; numbers are our instances, names stand in
-        ``source_reference``. Of rates the yaw rate alone is written.
+        ``source_reference``. A session gives the number of a body that is free again to the next actor that takes it:
+        there, the name tells who it is. Of rates the yaw rate alone is written.
     """
     osi = require("betterosi", "osi")
     truth = osi.GroundTruth(version=_version(osi), timestamp=_timestamp(osi, frame.timestamp_ns))

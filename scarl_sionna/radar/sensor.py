@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import InputTypeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.arguments import expect_generator
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -79,9 +80,12 @@ class Radar:
 
         Raises
         ------
+        InputTypeError
+            If `rng` is no generator.
         PlacementError
             If the radar or one of its antennas is inside a mesh.
         """
+        expect_generator(rng, needed=False)
         settings, place = self.settings, state.as_mount(mount)
         solved = solve_paths(state, self.spec, place, settings=settings)
         drops = None if state.world.weather.is_clear else rng.spawn(1)[0]

@@ -138,3 +138,31 @@ def test_backwards_needs_times_and_states_no_headings() -> None:
     for wrong in ({"speed": 2.0}, {"times": [0, 3], "yaw_deg": [0, 0]}):
         with pytest.raises(ScenarioValueError, match="`reverse` and `ground` with `times` and without `yaw_deg`"):
             ScenarioSpec(scene="urban_crossing", actors=[{"name": "a", "model": "suv", "trajectory": base | wrong}])
+
+
+def _ground(folder, *planes: str) -> World:
+    """Return a world of planes of concrete, each by the `to_world` of a square of 2 m."""
+    shapes = "".join(
+        f'<shape type="rectangle" id="ground_{index}"><transform name="to_world">{plane}</transform>'
+        '<ref id="concrete"/></shape>'
+        for index, plane in enumerate(planes)
+    )
+    bsdf = '<bsdf type="twosided" id="concrete"><bsdf type="diffuse"/></bsdf>'
+    path = folder / "ground.xml"
+    path.write_text(f'<scene version="3.0.0">{bsdf}{shapes}</scene>')
+    return load_scene(path)
+
+
+@pytest.mark.parametrize(("slope", "stands"), [(0.08, True), (0.12, True), (0.3, False)])
+def test_a_banked_road_is_ground_to_stand_on_and_a_bank_is_none(tmp_path, slope: float, stands: bool) -> None:
+    angle = np.degrees(np.arctan(slope))
+    world = _ground(tmp_path, f'<scale value="20"/><rotate x="1" angle="{angle}"/>')
+    car = [("car", StaticTrajectory(Pose(np.zeros(3))), CAR)]
+    assert (check_ground(world, car, [0.0], 0.2) == []) is stands
+
+
+def test_wheels_on_both_sides_of_a_kerb_are_found(tmp_path) -> None:
+    half = '<scale x="20" y="10"/><translate y="{y}" z="{z}"/>'
+    world = _ground(tmp_path, half.format(y=10.0, z=0.1), half.format(y=-10.0, z=-0.1))
+    faults = check_ground(world, [("car", StaticTrajectory(Pose(np.zeros(3))), CAR)], [0.0], 0.2)
+    assert [abs(fault.height) for fault in faults] == pytest.approx([0.1], abs=1e-3)

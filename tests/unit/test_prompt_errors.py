@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
+from camera_lidar.camera import Camera
+from camera_lidar.lidar import Lidar
 from scarl_sionna.core.errors import InputTypeError, ScarlError, SpecError, UnknownFieldError
 from scarl_sionna.core.prompt.arguments import check_radians
 from scarl_sionna.core.prompt.refusals import home_of, in_our_unit, parts_of, scaled
@@ -78,6 +80,8 @@ MISTAKES: list[tuple[str, Callable[[ss.World], Any], str]] = [
         lambda w: ss.synthesize(ss.point_targets([[9, 0, 0]], [[0, 0, 0]], 1.0, RADAR, ss.Pose()), RADAR, rng=0),
         "default_rng",
     ),
+    ("a seed for a camera", lambda w: Camera(CameraSpec(width=8, height=8)).observe(w.at(0.0), POSE, 3), "default_rng"),
+    ("a seed for a lidar", lambda w: Lidar(ss.LidarSpec()).observe(w.at(0.0), POSE, 3), "default_rng"),
     ("a map without angles", lambda w: ss.detect(_rda().range_doppler), "range_doppler_angle"),
     ("a cube without its radar", lambda w: ss.range_doppler(np.zeros((12, 8, 16))), "RadarSpec"),
     ("raw data for a cube", lambda w: ss.range_doppler(np.zeros((4, 24, 16)), RADAR), "virtual_cube"),

@@ -38,6 +38,8 @@ def test_the_count_of_measured_rows_is_that_of_the_rows() -> None:
         chosen = [row for row in rows if row["basis"] == basis]
         assert f"| {basis} | {len(chosen)} | {sum(row['within'] for row in chosen)} |" in REPORT
     held = [row["within"] for row in rows if row["basis"] == "held out"]
+    abstract = " ".join(REPORT.partition("## Abstract")[2].partition("\n## ")[0].split())
+    assert f"Of {len(held)} published measurements to which nothing was fitted, {sum(held)} contain" in abstract
     assert f"{100.0 * sum(held) / len(held):.0f} %." in REPORT and f"{len(rows)} published figures" in REPORT
     outside = [row["theme"] for row in rows if row["basis"] == "held out" and not row["within"]]
     assert f"({outside.count('vehicles')} of the {len(outside)} rows outside)" in REPORT

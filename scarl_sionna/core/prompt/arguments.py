@@ -46,6 +46,18 @@ def expect(name: str, value: object, kind: type | tuple[type, ...], remedy: str)
         raise InputTypeError(name, value, " or ".join(f"a {one.__name__}" for one in kinds), remedy)
 
 
+def expect_generator(rng: object, needed: bool = True) -> None:
+    """Raise if an argument `rng` is no numpy Generator: a seed, say; None is one too where none is `needed`.
+
+    Raises
+    ------
+    InputTypeError
+        If it is not.
+    """
+    kinds = (np.random.Generator,) if needed else (np.random.Generator, type(None))
+    expect("rng", rng, kinds, "give numpy.random.default_rng(seed)" + ("" if needed else ", or None for no noise"))
+
+
 def number(name: str, value: object, remedy: str) -> float:
     """Return one number, whatever numeric type it has.
 

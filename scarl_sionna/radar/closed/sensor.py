@@ -11,6 +11,7 @@ import numpy as np
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.arguments import expect_generator
 from scarl_sionna.core.results import ClosedRadarFrame
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.closed.device import ClosedRadarSpec
@@ -71,9 +72,12 @@ class ClosedRadar:
 
         Raises
         ------
+        InputTypeError
+            If `rng` is no generator.
         PlacementError
             If the radar is inside a mesh.
         """
+        expect_generator(rng, needed=False)
         settings, radar, place = self.settings, self.spec.radar, state.as_mount(mount)
         paths = solve_paths(state, radar, place, settings=settings)
         drops = None if state.world.weather.is_clear else rng.spawn(1)[0]

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.arguments import expect_generator
 from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.scanning.spec import TWO_WAY_HALF_DB, ScanningRadarSpec
@@ -86,9 +87,12 @@ class ScanningRadar:
 
         Raises
         ------
+        InputTypeError
+            If `rng` is no generator.
         PlacementError
             If the radar is inside a mesh.
         """
+        expect_generator(rng, needed=False)
         spec, settings, place = self.spec, self.settings, state.as_mount(mount)
         drops = None if state.world.weather.is_clear else rng.spawn(1)[0]
         beats = np.zeros((spec.num_azimuths, spec.waveform.num_samples), dtype=np.complex64)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.mount import Mount
-from scarl_sionna.core.prompt.arguments import expect
+from scarl_sionna.core.prompt.arguments import expect, expect_generator
 from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.scanning.spec import ScanningRadarSpec
@@ -62,7 +62,7 @@ def scan_paths(
     """
     expect("paths", paths, RadarPaths, "give ss.point_targets(..., radar.ramp(), pose), or ss.solve_paths(...)")
     expect("radar", radar, ScanningRadarSpec, "for instance ss.ScanningRadarSpec.preset('cts350x')")
-    expect("rng", rng, (np.random.Generator, type(None)), "give numpy.random.default_rng(seed), or None for no noise")
+    expect_generator(rng, needed=False)
     settings = settings or RadarSettings()
     start = Mount(paths.world_from_tx, paths.tx_twist)
     if not np.allclose(paths.world_from_tx.matrix, paths.world_from_rx.matrix, rtol=0.0, atol=1e-9):

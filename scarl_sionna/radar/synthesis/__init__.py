@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.cores import usable_cores
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
-from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
+from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect, expect_generator
 from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.specs.radar.multiplexing import IdealMimo
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -104,7 +104,7 @@ def synthesize(
     """
     expect("paths", paths, RadarPaths, "give ss.solve_paths(world.at(time), radar, pose), or ss.point_targets(...)")
     expect("radar", radar, RadarSpec, HOW_TO_RADAR)
-    expect("rng", rng, (np.random.Generator, type(None)), "give numpy.random.default_rng(seed), or None for no noise")
+    expect_generator(rng, needed=False)
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
     codes = codes_of(radar)

@@ -22,8 +22,13 @@ Planned = Sequence[tuple[str, Trajectory, BodyLike]]
 WHEEL = 0.08
 """Height above the ground or depth below it that is let pass of one wheel [m].
 
-Wheels stand level across: on a road banked by 10 % one stands 7.5 cm off the ground that its axle's middle stands on.
+Bodies stand level across: on a road banked by 10 % a wheel stands 7.5 cm off the ground that its axle's middle stands
+on. On a plane banked by up to `STEEPEST_BANK` that is no fault of the place.
 """
+STEEPEST_BANK = 0.15
+"""Cross slope up to which ground is a banked road [m/m]: superelevation goes to 0.08, in mountains to 0.12."""
+_PLANE = 0.015
+"""How far the ground between two wheels may be off the line from one to the other where it is a plane [m]."""
 _ABOVE, _BELOW = 1.0, 4.0
 """From how far above the origin to how far below it the ground is looked for [m]."""
 _ASIDE = 1e4
@@ -113,7 +118,8 @@ def check_ground(
     tolerance : float
         Height above or depth below the ground that is allowed [m]: the mean over the wheels.
     wheel : float
-        What is allowed for one wheel alone [m], so that none stands in a kerb.
+        What is allowed for one wheel alone [m], so that none stands in a kerb. On a road that is banked by up to
+        `STEEPEST_BANK`, on which bodies stand level, the mean over the two of an axle counts.
 
     Returns
     -------
@@ -139,8 +145,26 @@ def check_ground(
         if not abs(mean) <= tolerance:
             faults.append(GroundFault(name, time, mean))
         elif count > 1 and abs(worst) > wheel:
-            faults.append(GroundFault(name, time, worst))
+            worst = _without_bank(world, points[first - count : first], own)
+            if abs(worst) > wheel:
+                faults.append(GroundFault(name, time, worst))
     return faults
+
+
+def _without_bank(world: World, feet: Array, away: Array) -> float:
+    """Return the largest height [m] of wheels (C, 3), `away` (C,) over the ground, where banked axles count as one."""
+    found = away.copy()
+    for right in range(0, len(feet) - 1, 2):  # an axle's two stand next to each other, see `contacts`
+        pair = feet[right : right + 2]
+        across, tilt = float(np.linalg.norm(pair[1, :2] - pair[0, :2])), abs(float(pair[1, 2] - pair[0, 2]))
+        if across == 0.0 or tilt > _PLANE:  # in line, or a body that does not stand level: that is its own fault
+            continue
+        share = np.linspace(0.0, 1.0, 9)
+        ground = ground_heights(world, pair[0] + share[:, None] * (pair[1] - pair[0]))
+        rise = ground[-1] - ground[0]
+        if abs(rise) <= STEEPEST_BANK * across and np.abs(ground - ground[0] - share * rise).max() <= _PLANE:
+            found[right : right + 2] = np.mean(away[right : right + 2])
+    return float(found[np.abs(found).argmax()])
 
 
 def scene_extent(world: World) -> tuple[Array, Array]:
