@@ -59,7 +59,8 @@ class ImageFrame(Described, units={"depth": "m"}):
         Share of the object's silhouette in the image that something nearer hides, 0 to 1; NaN where it is not in the
         image.
     object_truncation : ndarray of float32, shape (num_objects,)
-        Share of its silhouette that lies outside of the image, 0 to 1; NaN where the camera cannot see it at all.
+        Share of its silhouette that lies outside of the image, 0 to 1; NaN where nothing of it is in the image. Of its
+        area on the plane before the camera up to 76 deg off the axis; of a fisheye, in angles off the axis.
     """
 
     spec: CameraSpec

@@ -9,6 +9,8 @@ import pytest
 import trimesh
 
 import scarl_sionna as ss
+from scarl_sionna.core.boxes import through_box
+from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
@@ -172,3 +174,99 @@ def test_cameras_of_one_place_and_other_projections_have_silhouettes_of_their_ow
     results = ss.observe(world, rig, 0.0, vehicle=HERE).results
     for name, expected in {"wide": (90, 110), "tele": (80, 120), "shifted": (30, 50)}.items():
         np.testing.assert_allclose(results[name].object_box[0, [0, 2]], expected, atol=0.6)
+
+
+BODIES = {  # position in the world and size [m], yaw [rad]; the camera looks along x from the origin
+    "alongside": ((2.0, 4.25, 0.25), (14.0, 2.5, 3.5), 0.0),
+    "rail": ((5.0, -3.0, -1.2), (60.0, 0.1, 0.6), 0.0),
+    "corner": ((6.0, -5.0, 1.5), (3.0, 3.0, 2.0), 0.7),
+    "over": ((3.0, 0.0, 4.0), (12.0, 3.0, 0.5), 0.3),
+    "ahead": ((20.0, 2.0, 0.0), (4.5, 1.8, 1.5), 0.4),
+    "near": ((2.2, 0.4, -1.4), (1.0, 1.5, 1.2), 1.1),
+    "edge": ((9.0, -5.4, 0.3), (1.0, 0.6, 1.7), 0.2),
+    "beside": ((-0.8, -6.0, 0.0), (4.0, 1.7, 1.5), 0.1),
+}
+LENSES = {
+    "pinhole": {"horizontal_fov_deg": 60.0},
+    "barrel": {"horizontal_fov_deg": 60.0, "lens": ss.BrownConrady(k1=-0.3, k2=0.1)},
+    "cushion": {"horizontal_fov_deg": 86.0, "lens": ss.BrownConrady(k1=0.25)},
+    "fisheye": {"horizontal_fov_deg": 200.0, "lens": ss.KannalaBrandt(max_angle_deg=105.0)},
+}
+
+
+@pytest.fixture(scope="module")
+def bodies(tmp_path_factory: pytest.TempPathFactory) -> ss.Frame:
+    instances = []
+    for name, (middle, size, yaw) in BODIES.items():
+        mesh = box(size)
+        mesh.apply_transform(ss.Pose.from_euler(middle, yaw=yaw).matrix)
+        instances.append(Thing(name, mesh, "Static", "steel"))
+    scene = write_scene(tmp_path_factory.mktemp("bodies"), instances=instances)
+    common = {"width": 320, "height": 180, "images": ("depth",)}
+    rig = tuple(SensorMount(name, "camera", CameraSpec(**common, **lens), HERE) for name, lens in LENSES.items())
+    return ss.observe(ss.load_scene(str(scene)), Rig("lenses", rig), 0.0, vehicle=HERE)
+
+
+def meets_body(name: str, optical: np.ndarray) -> np.ndarray:
+    """Return which rays (..., 3) from the origin meet a body, in closed form."""
+    middle, size, yaw = BODIES[name]
+    turn = ss.Pose.from_euler(middle, yaw=yaw).inverse()
+    rays = turn.rotate(optical.reshape(-1, 3) @ CAMERA_OPTICAL_FROM_SENSOR)
+    enter, leave = through_box(turn.position, rays, -np.array(size) / 2.0, np.array(size) / 2.0)
+    return ((enter <= leave) & (leave > 0.0)).reshape(optical.shape[:-1])
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_silhouettes_of_bodies_that_reach_beside_and_behind_the_camera(bodies: ss.Frame, lens: str) -> None:
+    """Against all pixels, and a million rays over the plane up to 76 deg, or over the angles of a fisheye."""
+    image = bodies.results[lens]
+    spec = image.spec
+    centres = np.stack(np.meshgrid(np.arange(320) + 0.5, np.arange(180) + 0.5), axis=-1)
+    pixels = spec.rays(centres)
+    axis = np.linspace(-1.0, 1.0, 1000)
+    flat = np.stack(np.meshgrid(axis, axis), axis=-1)
+    if lens == "fisheye":
+        flat *= np.pi
+        angle = np.linalg.norm(flat, axis=-1)
+        whole = np.concatenate([flat * np.sinc(angle / np.pi)[..., None], np.cos(angle)[..., None]], axis=-1)
+        whole = whole[angle <= np.pi]
+    else:
+        whole = np.concatenate([4.0 * flat, np.ones((1000, 1000, 1))], axis=-1).reshape(-1, 3)
+    at, _ = spec.project(whole)
+    with np.errstate(invalid="ignore"):
+        is_inside = ((at >= 0.0) & (at < (320, 180))).all(axis=-1)
+    seen = 0
+    for index, item in enumerate(bodies.objects):
+        rows, columns = np.nonzero(meets_body(item.name, pixels))
+        if len(rows) < 10:
+            assert not len(rows) and np.isnan(image.object_box[index]).all()
+            assert np.isnan(image.object_truncation[index])
+            continue
+        seen += 1
+        expected = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
+        np.testing.assert_allclose(image.object_box[index], expected, atol=1.6, err_msg=item.name)  # a tip
+        met = meets_body(item.name, whole)
+        share = 1.0 - np.count_nonzero(met & is_inside) / np.count_nonzero(met)
+        assert image.object_truncation[index] == pytest.approx(share, abs=0.02), item.name
+    assert seen >= 6
+
+
+def test_cameras_of_one_suite_have_the_same_silhouettes(tmp_path: Path) -> None:
+    """A pole of 1 px that no ray of the grid needs to meet: what the instance image shows, the others know."""
+    pole = thing("pole", 30.0, (2.0, 2.14), (-3.0, 3.0))
+    whip = Thing(
+        "whip", trimesh.util.concatenate([box((1.0, 1.0, 1.0), (12, -2, 0)), box((0.02, 0.06, 2), (12, -2, 1.5))])
+    )
+    world = ss.load_scene(str(write_scene(tmp_path, instances=[pole, whip])))
+    kinds = ("depth", "instance", "rgb")
+    specs = {kind: CAMERA.with_(images=(kind,), samples_per_pixel=1) for kind in kinds}
+    rig = Rig("suite", tuple(SensorMount(f"front/{kind}", "camera", spec, HERE) for kind, spec in specs.items()))
+    results = ss.observe(world, rig, 0.0, vehicle=HERE).results
+    for name in ("object_box", "object_occlusion", "object_truncation"):
+        first, *others = (getattr(results[f"front/{kind}"], name) for kind in kinds)
+        assert np.isfinite(first).all()
+        for other in others:
+            np.testing.assert_array_equal(first, other)
+    seen = results["front/instance"]
+    np.testing.assert_allclose(seen.object_box, seen.object_visible_box, atol=0.6)
+    assert results["front/depth"].object_pixels is None
