@@ -22,6 +22,7 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.load import load_scene
+from scarl_sionna.engine.paths.tracing import DIFFUSE
 from scarl_sionna.radar.channel import plan_channel, solve_paths
 from scarl_sionna.radar.channel.compose import verify
 from scarl_sionna.radar.channel.compose.auto import _missed, _planned
@@ -237,6 +238,29 @@ def test_an_object_of_which_hardly_anything_is_seen_is_computed_finer(tmp_path) 
     assert 0.0 < row["visible_share"] * AutoSettings().num_probes < 5.5
     other = solved(state, channel_tolerance_db=3.0, refine_share=1.0, few_probes=0)
     assert row["refined"] and not rows(other)["van"]["refined"]
+
+
+def test_what_is_taken_from_a_finer_solve_keeps_the_reverse_of_tubes_from_others(tmp_path) -> None:
+    """A ball beside a lorry: from the ball to the lorry is the reverse of tubes on the lorry, which is not lit."""
+    things = [
+        Thing("lorry", box((12.0, 0.2, 3.6), (14.0, 4.1, 0.6)), "Truck", "steel"),
+        Thing("ball", ball(0.3, (22.0, 0.0, 0.6), 4), "Static", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    settings = RadarSettings().changed("auto", channel_tolerance_db=3.0, **MUCH)
+    view, chosen, plan = _planned(state, RADAR, Mount.of(POSE), settings)
+    before = solved(state, method="hybrid", plan=plan)
+    work = _Work(view, chosen, plan, before)
+    finer = work._traced([2], LEVELS[1.0])
+    work._take(finer, [2], LEVELS[1.0])
+
+    def bounces(paths):
+        return paths.select((paths.depth == 2) & (paths.instance[:, :2] == (2, 1)).all(axis=1))
+
+    was, found = bounces(before), bounces(work.result.paths)
+    assert bounces(finer).num_paths > 0  # traced from the ball, for want of better: not taken
+    np.testing.assert_array_equal(found.a, was.a)
+    assert (found.interaction[:, 0] == DIFFUSE).all()
 
 
 @pytest.mark.parametrize(("expected", "tolerance", "stated"), [(1.004, 1.0, "1.01"), (1.3, 1.0, "1.3"), (0.3, 0.3, "")])

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.settings.auto import ErrorEstimate, SbrLevel
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, mean_over_band
 from scarl_sionna.radar.paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
@@ -18,8 +18,6 @@ Array = npt.NDArray[np.float64]
 
 LEAST_DB, MOST_DB = 1e-3, 99.0
 """Range of the errors that are reported [dB]: what is beyond is not told apart."""
-NUM_FREQUENCIES = 16
-"""At which an object's field is summed over the band: its power is their mean, whatever range cells it fills."""
 
 
 def expected_errors(
@@ -224,16 +222,7 @@ def band_power(
     num_frequencies : int
         Over the sampled band, weighted by a Hann window.
     """
-    length = paths.length[rows]
-    share = (np.arange(num_frequencies) + 0.5) / num_frequencies
-    weight = np.sin(np.pi * share) ** 2
-    weight = weight**2 / np.sum(weight**2)
-    wave = 2.0 * np.pi / SPEED_OF_LIGHT * length
-    start = radar.center_frequency + (share[0] - 0.5) * radar.sampled_bandwidth
-    field = paths.a[rows, 0, 0] * np.exp(-1j * wave * start)
-    step = np.exp(-1j * wave * (radar.sampled_bandwidth / num_frequencies))
     power = np.zeros(count)
-    for one in weight:
-        power += one * (np.bincount(place, field.real, count) ** 2 + np.bincount(place, field.imag, count) ** 2)
-        field = field * step
+    found = mean_over_band(paths.a[rows, 0, 0], paths.length[rows], place, radar, num_frequencies)
+    power[: len(found)] = found
     return power

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.settings.auto import SbrLevel
 from scarl_sionna.core.settings.plan import ChannelPlan
+from scarl_sionna.engine.paths.tracing import DIFFUSE
 from scarl_sionna.radar.paths import RadarPaths
 
 from .budget import path_unit, sbr_settings
@@ -317,8 +318,11 @@ class _Work:
         """Take the paths of some objects from a finer solve, with what it says of them."""
         before, result = self.result.paths, self.result
         other = self._reversed_only(before, found, numbers)
+        twins, ended = self._twins(before, found, numbers)
+        other |= twins
         kept = before.select(~np.isin(owners(before, self.numbers), numbers) | other)
-        own = found.select(np.isin(owners(found, self.numbers), numbers))  # not what ends at them: it is there already
+        # not what ends at them: it is there already
+        own = found.select(np.isin(owners(found, self.numbers), numbers) & ~ended)
         diagnostics = dict(before.diagnostics)
         diagnostics["solvers"] = [*diagnostics["solvers"], *found.diagnostics["solvers"]]
         result.paths = RadarPaths.concatenate([kept, own], diagnostics)
@@ -346,6 +350,24 @@ class _Work:
         }
         rows[rows] = np.array([_chain(row) not in there for row in chains])[which.ravel()]
         return rows
+
+    def _twins(
+        self, before: RadarPaths, found: RadarPaths, numbers: Sequence[int]
+    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+        """Return which paths of some objects are the reverse of tubes from others, and which found ones they replace.
+
+        A solve of some objects alone has the tubes from these only, see :mod:`scarl_sionna.radar.channel.sbr.senses`.
+        """
+        first, last = owners(before, self.numbers), owners(before, self.numbers, last=True)
+        twins = (before.depth > 1) & (before.interaction[:, 0] == DIFFUSE)
+        twins &= np.isin(first, numbers) & ~np.isin(last, numbers)
+        rows = np.flatnonzero((found.depth > 1) & ~found.filled("random_phase"))
+        ended = np.zeros(found.num_paths, dtype=np.bool_)
+        if twins.any() and len(rows):
+            known = {_chain(row) for row in np.unique(before.instance[twins & ~before.filled("random_phase")], axis=0)}
+            chains, which = np.unique(found.instance[rows], axis=0, return_inverse=True)
+            ended[rows] = np.array([_chain(row) in known for row in chains])[which.ravel()]
+        return twins, ended
 
     def _compare(self, numbers: Sequence[int], levels: Mapping[int, float], errors: Mapping[int, float]) -> None:
         """Bring what the echo of objects differs by into their expected error."""

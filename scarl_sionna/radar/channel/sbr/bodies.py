@@ -30,6 +30,8 @@ from scarl_sionna.radar.optics.surfaces import FaceSurfaces
 from scarl_sionna.radar.optics.tubes.narrow import NarrowBodies
 from scarl_sionna.radar.tuned import material_frequency
 
+from .senses import flat_widths
+
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World, WorldState
 
@@ -128,6 +130,11 @@ class Bodies:
     def sheets(self) -> Array:
         """Size of the sheet to which each face belongs [m], shape (num_faces,)."""
         return state_sheets(self.state, self._parts)
+
+    @cached_property
+    def widths(self) -> Array:
+        """Width of the flat region to which each face belongs [m], shape (num_faces,)."""
+        return flat_widths(self.faces)
 
     @cached_property
     def velocity(self) -> Array | None:

@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes
 
+from .senses import Kind
+
 Array = npt.NDArray[np.float64]
 Words = npt.NDArray[np.uint64]
 Columns = dict[str, npt.NDArray[Any]]
@@ -65,31 +67,8 @@ def scattered_rows(pieces: Columns, seed: int) -> Columns:
             result[name] = rows[first]
     turn = np.exp(2j * np.pi * uniform_hash(keys[first], seed))
     result["a"] = result.pop("scattered") * (np.sqrt(total) * turn)[:, None, None]
-    result["diffuse"] = np.ones(len(first), dtype=np.int8)  # 2: reversed
+    result["kind"] = np.full(len(first), Kind.ROUGH, dtype=np.int8)
     return result
-
-
-def way_back(columns: Columns, semantic: npt.NDArray[np.uint8]) -> Columns:
-    """Return the reversed paths of a monostatic radar: from the rough patch by the mirrors home.
-
-    Parameters
-    ----------
-    columns : dict
-        Those of :func:`scattered_rows` with a mirror before the patch.
-    semantic : ndarray of uint8
-        Class of the first mirror, which is met last.
-    """
-    return {
-        **columns,
-        "tx_point": columns["rx_point"],
-        "rx_point": columns["tx_point"],
-        "tx_velocity": columns["rx_velocity"],
-        "rx_velocity": columns["tx_velocity"],
-        "a": columns["a"].transpose(0, 2, 1),
-        "instance": columns["instance"][:, ::-1],
-        "semantic": semantic,
-        "diffuse": np.full(len(semantic), 2, dtype=np.int8),
-    }
 
 
 def uniform_hash(keys: npt.NDArray[np.int64], seed: int) -> Array:

@@ -37,7 +37,7 @@ def joined(blocks: list[Columns], max_depth: int) -> Columns:
         "semantic": np.zeros(0, np.uint8),
         "instance": np.zeros((0, max_depth), np.int32),
         "depth": np.zeros(0, np.int32),
-        "diffuse": np.zeros(0, np.int8),
+        "kind": np.zeros(0, np.int8),
     }
     for block in blocks:
         depth = block["instance"].shape[1]
@@ -45,7 +45,7 @@ def joined(blocks: list[Columns], max_depth: int) -> Columns:
     return {name: np.concatenate([column, *(block.pop(name) for block in blocks)]) for name, column in columns.items()}
 
 
-def _taken(columns: Columns, rows: npt.NDArray[Any]) -> Columns:
+def taken(columns: Columns, rows: npt.NDArray[Any]) -> Columns:
     """Return some rows (numbers or a mask); `columns` is emptied column by column."""
     return {name: columns.pop(name)[rows] for name in list(columns)}
 
@@ -55,14 +55,14 @@ def in_order(columns: Columns) -> Columns:
 
     `columns` is emptied.
     """
-    key = columns["diffuse"].astype(np.int64)
+    key = columns["kind"].astype(np.int64)
     for column in (columns["depth"], *columns["instance"].T):
         width = int(column.max(initial=0)) + 2
         if int(key.max(initial=0)) > _LARGEST_KEY // width:
             key = np.unique(key, return_inverse=True)[1]
         key = key * width + (column + 1)
     order = np.lexsort((columns["length"], key))
-    return _taken(columns, order)
+    return taken(columns, order)
 
 
 def received(columns: Columns, radar: RadarSpec, tx: Viewpoint, rx: Viewpoint) -> Array:
@@ -116,4 +116,4 @@ def above_floor(
         report["dropped_power"] = float(np.sum(amplitude[dropped] ** 2))
         worst = float(np.bincount(bins[dropped], amplitude[dropped]).max() ** 2 / noise)
         report["in_phase_to_noise_db"] = 10.0 * float(np.log10(worst)) if worst > 0.0 else None
-    return _taken(columns, ~dropped), report
+    return taken(columns, ~dropped), report

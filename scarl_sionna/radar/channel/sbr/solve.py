@@ -33,9 +33,10 @@ from scarl_sionna.radar.paths import RadarPaths, bend_of
 
 from .bodies import Bodies
 from .cost import Work, affordable, check_memory, with_knobs
-from .diffuse import rough_pieces, scattered_rows, way_back
+from .diffuse import rough_pieces, scattered_rows
 from .edge_rows import with_edges
-from .rows import Columns, above_floor, in_order, joined, received
+from .rows import Columns, above_floor, in_order, joined, received, taken
+from .senses import Kind, decided, kinds_of, reversed_rows
 from .tracing import Pair, Shared, shared_tracings
 
 if TYPE_CHECKING:
@@ -99,8 +100,9 @@ def solve_sbr(
 
     Notes
     -----
-    The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit:
-    no row is doubled by reciprocity.
+    The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit.
+    Between bodies a monostatic radar takes both from the sense that ends at the narrower face (:mod:`.senses`), where
+    the faces differ by a factor of two and the radar looks straight, not over a mirror.
 
     *Not modelled*: edge diffraction (but with `edge_diffraction` that of single edges which both ends see), creeping
     waves, what passes through a dielectric between two bounces, diffuse scattering between mirrors and, for a bistatic
@@ -287,6 +289,7 @@ class _Solve:
     def __init__(self, bodies: Bodies, pair: Pair) -> None:
         self.bodies, self.pair, self.clock = bodies, pair, time.perf_counter()
         self.size = size = PatchSize.of(bodies.radar, bodies.knobs)
+        self.has_reverse = pair.tx is pair.rx and pair.tx.window is None
         self.tracings: list[Shared] = []
         self.num_ended = 0
         self.near = NearField(
@@ -316,7 +319,7 @@ class _Solve:
         columns["instance"] = state.world.parts.instance[part]
         columns["semantic"] = state.world.parts.semantic[part[:, -1]]
         columns["depth"] = np.full(len(patches), patches.depth, dtype=np.int32)
-        columns["diffuse"] = np.zeros(len(patches), dtype=np.int8)
+        columns["kind"] = np.full(len(patches), Kind.TRACED, dtype=np.int8)
         seen = columns["length"] < 2.0 * bodies.reach
         rows = np.flatnonzero(is_rough & seen)
         if len(rows):
@@ -324,11 +327,21 @@ class _Solve:
             some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
             self.rough.setdefault(patches.depth, []).append(rough_pieces(some, patches.take(rows)))
         columns.pop("scattered")
+        if self.has_reverse and patches.depth > 1:
+            ends = bodies.widths[patches.face[:, 0]], bodies.widths[patches.face[:, -1]]
+            columns["kind"] = kinds_of(*ends, columns["instance"])
+            columns["first_semantic"] = state.world.parts.semantic[part[:, 0]]
         triangles = bodies.faces.triangles
         columns = with_edges(columns, patches, near, (triangles.normal, triangles.offset))
         seen = columns["length"] < 2.0 * bodies.reach
-        self.blocks[place] = {name: column[seen] for name, column in columns.items()}
-        self.num_rows += len(self.blocks[place]["length"])
+        self.blocks[place] = block = {name: column[seen] for name, column in columns.items()}
+        self.num_rows += len(block["length"])
+        other = np.flatnonzero(block["kind"] == Kind.REVERSED)
+        if len(other):
+            twins = {name: column[other] for name, column in block.items()}
+            block["kind"][other] = Kind.TRACED
+            self.blocks.append(reversed_rows(twins, twins["first_semantic"], Kind.REVERSED))
+            self.num_rows += len(other)
 
     def finish(self) -> None:
         """Make the paths of all patches; the rows are gone then."""
@@ -344,6 +357,9 @@ class _Solve:
         for depth in sorted(self.rough):
             blocks += _scattered(self.rough.pop(depth), knobs.seed, tx is rx)
         columns = joined(blocks, knobs.max_depth)
+        weight = decided(columns, bodies.radar)
+        columns["a"] *= weight[:, None, None]
+        columns = taken(columns, weight > 0.0)
         amplitude = received(columns, bodies.radar, tx, rx)
         diagnostics: dict[str, Any] = {
             "method": "sbr",
@@ -386,7 +402,9 @@ def _scattered(pieces: list[Columns], seed: int, monostatic: bool) -> list[Colum
     whole = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
     block = scattered_rows(whole, seed)
     first = block.pop("first_semantic")
-    return [block, way_back(block, first)] if monostatic and block["depth"][0] > 1 else [block]
+    if not monostatic or block["depth"][0] == 1:
+        return [block]
+    return [block, reversed_rows(block, first, Kind.ROUGH_REVERSED)]
 
 
 def _warn_of_bodies(bodies: Bodies, origin: Array, found: RadarPaths) -> None:
@@ -449,7 +467,8 @@ def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) ->
     count, width = columns["instance"].shape
     step = np.arange(width)
     depth = columns["depth"]
-    scatterer = np.where(columns["diffuse"] == 2, 0, depth - 1)[:, None]
+    is_reversed = np.isin(columns["kind"], (Kind.ROUGH_REVERSED, Kind.REVERSED))
+    scatterer = np.where(is_reversed, 0, depth - 1)[:, None]
     interaction = np.where(step == scatterer, DIFFUSE, np.where(step < depth[:, None], SPECULAR, -1))
     bend = bend_of(columns["tx_point"] - tx.position, columns["tx_velocity"])
     bend += bend_of(columns["rx_point"] - rx.position, columns["rx_velocity"])
@@ -468,6 +487,6 @@ def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) ->
         world_from_rx=rx,
         tx_velocity=columns["tx_velocity"],
         rx_velocity=columns["rx_velocity"],
-        random_phase=columns["diffuse"] > 0,
+        random_phase=np.isin(columns["kind"], (Kind.ROUGH, Kind.ROUGH_REVERSED)),
         diagnostics=diagnostics,
     )

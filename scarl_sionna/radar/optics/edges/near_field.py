@@ -187,7 +187,7 @@ def edge_rows(view: EdgeView, wedges: Wedges) -> Columns:
         "instance": parts.instance[part][:, None],
         "semantic": parts.semantic[part],
         "depth": np.ones(count, dtype=np.int32),
-        "diffuse": np.zeros(count, dtype=np.int8),
+        "kind": np.zeros(count, dtype=np.int8),
     }
 
 

@@ -1,0 +1,133 @@
+"""The two senses of a bounce between bodies: of each the better one stands for both.
+
+A tube that goes on from a face carries a beam as wide as its footprint, as a mirror would send it on. That is right for
+faces that are large against the Fresnel zone. A small face, or one of many that stand for a curve, spreads the wave,
+which a tube has at its last bounce only, by physical optics. A monostatic radar hears the reverse of a chain of bounces
+as loud and at the same distance (reciprocity), so the sense that ends at the narrower face is taken twice.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.arrays.rows import row_norm
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.rays.face_planes import FaceTable
+from scarl_sionna.radar.channel.band_mean import mean_over_band
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+Columns = dict[str, npt.NDArray[Any]]
+
+WIDER = 2.0
+"""Faces whose widths differ by less than this factor are alike: each sense is taken as it was traced. docs/sbr.md,
+bounces between bodies."""
+MISSED_DB, ENOUGH_DB = -10.0, -3.0
+"""The sense that ends at the narrower face is the better one. Where it is this much weaker than the other
+tubes on the wide face have missed the narrow one, and the other sense is taken; between the two numbers both are, with
+weights, so that nothing jumps when things move."""
+
+
+class Kind(IntEnum):
+    """Of a row: how it was made."""
+
+    TRACED = 0
+    ROUGH = 1
+    """What a rough surface scatters, with a random phase."""
+    ROUGH_REVERSED = 2
+    REVERSED = 3
+    """The other sense of a traced row."""
+    DOUBTFUL = 4
+    """Traced, but it ends at a face that is wider than the first: taken where there is no reversed row for it."""
+
+
+def flat_widths(faces: FaceTable) -> Array:
+    """Return the width of the flat region to which each face belongs, shape (num_faces,) [m].
+
+    Its area over its largest extent: the narrow side of a rectangle. Faces that stand for a curve have a plane each.
+    """
+    _, group = np.unique(faces.plane, return_inverse=True)
+    corners = faces.triangles.corners
+    side = corners[:, 1:] - corners[:, :1]
+    area = np.bincount(group, row_norm(np.cross(side[:, 0], side[:, 1])) / 2.0)
+    count = np.bincount(group).astype(np.float64)
+    middle = np.stack([np.bincount(group, axis) for axis in corners.mean(axis=1).T], axis=1) / count[:, None]
+    extent = np.zeros(len(count))
+    np.maximum.at(extent, group, row_norm(corners - middle[group, None]).max(axis=1))
+    return np.asarray((area / np.maximum(2.0 * extent, 1e-9))[group])
+
+
+def kinds_of(first: Array, last: Array, instance: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int8]:
+    """Return the kind of traced rows: `REVERSED` for those whose reverse is taken from them, too.
+
+    Parameters
+    ----------
+    first, last : ndarray of float64, shape (n,)
+        Width of the first and of the last face [m].
+    instance : ndarray of int, shape (n, depth)
+        Of the bounces. Within one body both senses stay.
+    """
+    between = instance[:, 0] != instance[:, -1]
+    found = np.full(len(first), Kind.TRACED, dtype=np.int8)
+    found[between & (first > WIDER * last)] = Kind.REVERSED
+    found[between & (last > WIDER * first)] = Kind.DOUBTFUL
+    return found
+
+
+def reversed_rows(columns: Columns, semantic: npt.NDArray[np.uint8], kind: Kind) -> Columns:
+    """Return the reversed paths of a monostatic radar: first what was met last.
+
+    Parameters
+    ----------
+    columns : dict
+        Of paths with a mirror before what scatters.
+    semantic : ndarray of uint8
+        Class of the first mirror, which is met last.
+    kind : Kind
+        Of the result.
+    """
+    return {
+        **columns,
+        "tx_point": columns["rx_point"],
+        "rx_point": columns["tx_point"],
+        "tx_velocity": columns["rx_velocity"],
+        "rx_velocity": columns["tx_velocity"],
+        "a": columns["a"].transpose(0, 2, 1),
+        "instance": columns["instance"][:, ::-1],
+        "semantic": semantic,
+        "kind": np.full(len(semantic), kind, dtype=np.int8),
+    }
+
+
+def decided(columns: Columns, radar: RadarSpec) -> Array:
+    """Return the weight of each row, shape (n,): of a chain of instances reversed rows or doubtful ones count.
+
+    Reversed rows do, unless they lack most of what the doubtful ones have, see `MISSED_DB`. `kind` of the latter
+    becomes that of traced rows.
+
+    Parameters
+    ----------
+    columns : dict
+        Of all rows.
+    radar : RadarSpec
+        Over whose band powers are compared.
+    """
+    kind, chain = columns["kind"], np.column_stack([columns["instance"], columns["depth"]])
+    rows = np.flatnonzero(np.isin(kind, (Kind.REVERSED, Kind.DOUBTFUL)))
+    weight = np.ones(len(kind))
+    if not len(rows):
+        return weight
+    chains, place = np.unique(chain[rows], axis=0, return_inverse=True)
+    is_doubtful = kind[rows] == Kind.DOUBTFUL
+    field, length = columns["a"][rows, 0, 0], columns["length"][rows]
+    power = mean_over_band(field, length, 2 * place.ravel() + is_doubtful, radar)
+    power = np.append(power, np.zeros(2 * len(chains) - len(power))).reshape(-1, 2)
+    reversed_db, doubtful_db = 10.0 * np.log10(np.maximum(power, 1e-300)).T
+    of_reversed = np.clip((reversed_db - doubtful_db - MISSED_DB) / (ENOUGH_DB - MISSED_DB), 0.0, 1.0)
+    weight[rows] = np.where(is_doubtful, 1.0 - of_reversed[place.ravel()], of_reversed[place.ravel()])
+    kind[rows[is_doubtful]] = Kind.TRACED
+    return weight
