@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import gammaincinv
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import thermal_noise_power
@@ -58,6 +59,28 @@ def cell_noise_power(
     doppler_window = window if doppler_window is None else doppler_window
     slow = noise_bandwidth(doppler_window, radar.num_doppler_bins) / (radar.num_doppler_bins * num_channels)
     return sample_noise_power(radar) * noise_share(radar, window) * slow
+
+
+def floor_of(power: npt.NDArray[np.floating], num_channels: int, least: float, part: float = 0.5) -> float:
+    """Return the noise of a cell of one channel [W]: by the power below which a part of a map's cells is.
+
+    Parameters
+    ----------
+    power : ndarray of float, any shape
+        Mean power over the channels of the map's cells [W].
+    num_channels : int
+    least : float
+        The noise is not below it: thermal noise [W].
+    part : float
+        From 0 to 1; 0.5 is the median. The smaller, the more of the map may hold targets.
+
+    Returns
+    -------
+    float
+        [W]. By definition: of noise alone the mean over channels has a gamma distribution.
+    """
+    seen = float(np.quantile(power, part)) * num_channels / float(gammaincinv(num_channels, part))
+    return max(least, seen)
 
 
 def angle_cell_noise_power(radar: RadarSpec) -> float:

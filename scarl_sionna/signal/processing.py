@@ -18,16 +18,19 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.units import SPEED_OF_LIGHT, watt_to_dbm
 
-from .multiplexing import separate, suppress_images
-from .noise import cell_noise_power
+from .multiplexing import fill_with_noise, images, separate
+from .noise import cell_noise_power, floor_of
 from .receivers import channel_of, range_weights
-from .uneven import before_range, burst_map, doppler_matrix, middle_time, over_range, stepped_map
+from .uneven import before_range, burst_map, doppler_matrix, dopplers, middle_time, over_range, stepped_map
 from .windows import window_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = npt.NDArray[np.float64]
+
+_QUIET = 0.1
+"""Part of a map's cells that hold noise only, by which the noise is measured: clutter and its images fill many rows."""
 
 
 def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.NDArray[np.complex64]:
@@ -286,11 +289,8 @@ def range_doppler(
                 data[channel] = over_range(_over_doppler(samples, seen, slow, num_doppler) * taper, seen, num_range)
             _turn_carriers(data[channel], seen, tx)
     noise_power = cell_noise_power(radar, window, doppler_window)
-    if is_periodic:  # before the compensation, which is another one in the rows of the images
-        suppress_images(data, radar, noise_power)
-        factor = _motion_compensation(seen, num_doppler, 0, num_range)
-        for channel in range(len(data) if compensate_motion else 0):
-            data[channel] = over_range(factor * before_range(data[channel], seen), seen, num_range)
+    if is_periodic:
+        _one_velocity(data, radar, noise_power, compensate_motion)
     return RangeDoppler(
         data=data,
         range=range_axis(radar, num_range),
@@ -300,6 +300,32 @@ def range_doppler(
         noise_power=noise_power,
         is_compensated=compensate_motion,
     )
+
+
+def _one_velocity(data: npt.NDArray[np.complex64], radar: RadarSpec, noise_power: float, compensate: bool) -> None:
+    """Take the images of periodic codes out of a map, in place; `compensate`: its motion is compensated, too.
+
+    Images are told before the compensation, which is another one in their rows, and taken out after it: beside cells
+    that were taken out the noise would no longer be that of a window.
+    """
+    period, seen, (channels, num_doppler, num_range) = (
+        radar.multiplexing.code_period(radar.num_tx),
+        seen_by(radar),
+        data.shape,
+    )
+    assert period is not None
+    power = np.zeros((num_doppler, 2 * num_range), dtype=np.float32)
+    factor = _motion_compensation(seen, num_doppler, 0, num_range)
+    for channel in range(channels):
+        samples = before_range(data[channel], seen)
+        fine = over_range(samples.copy(), seen, 2 * num_range)
+        power += fine.real**2 + fine.imag**2
+        if compensate:
+            data[channel] = over_range(factor * samples, seen, num_range)
+    power /= np.float32(channels)
+    moved = bins_a_hertz(radar, num_range) * dopplers(seen, num_doppler) * compensate
+    floor = floor_of(power, channels, noise_power, _QUIET)
+    fill_with_noise(data, images(power, channels, period, floor, moved), floor)
 
 
 def _of_real(
@@ -375,6 +401,17 @@ def coupling(radar: RadarSpec, tx: int = 0) -> float:
     """
     middle = middle_time(radar) + radar.tx_delay(tx)
     return 1.0 + radar.waveform.sweep.slope * middle / radar.center_frequency
+
+
+def bins_a_hertz(radar: RadarSpec, num_range: int) -> float:
+    """Return by how many range bins the compensation of motion moves a row of a Doppler frequency of 1 Hz down.
+
+    By definition of :func:`range_doppler`; a target whose velocity is aliased is seen as much too far for each Hz that
+    its row lies too low.
+    """
+    seen = seen_by(radar)
+    sign = 1.0 if seen.waveform.sweep.slope > 0.0 else -1.0
+    return float(sign * coupling(seen) * num_range / seen.sample_rate)
 
 
 def _motion_compensation(

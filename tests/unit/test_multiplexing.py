@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.array import HALF_WAVE, uniform_line
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.synthesis.blocks import later
+from scarl_sionna.signal.detection import cfar
 from scarl_sionna.signal.noise import add_noise, cell_noise_power
 
 SMALL = ss.RadarSpec().with_(num_chirps=64, num_samples=64)
@@ -222,3 +225,51 @@ def test_given_codes_are_sent():
     radar = SMALL.with_(multiplexing=ss.Cdm(phases_deg=phases))
     assert np.allclose(np.angle(radar.multiplexing.codes(64, 3)[5, 2]), np.angle(np.exp(1j * np.radians(phases[2][5]))))
     assert ss.RadarSpec(**radar.model_dump(mode="json")) == radar
+
+
+MANY = ss.RadarSpec.preset("radial_hd").with_(num_samples=64, bandwidth=64 * SPEED_OF_LIGHT / 206.0, num_chirps=128)
+"""192 channels and 16 rows of images."""
+SIGHT = np.array([np.cos(0.2), np.sin(0.2), 0.0])
+
+
+@lru_cache
+def unit_target(velocity):
+    """Raw data of a target of the radar MANY whose beam is as strong as the noise."""
+    adc = ss.synthesize(ss.point_targets([18.0 * SIGHT], [velocity * SIGHT], 1.0, MANY, Pose()), MANY)
+    beam = np.mean(np.abs(adc) ** 2) * MANY.num_rx  # the transmitters' powers add up over a period of their codes
+    return adc / np.sqrt(beam / cell_noise_power(MANY))
+
+
+def found_at(seed, *targets):
+    """Points of targets (velocity, beam over the noise in dB) at one range."""
+    adc = sum(10 ** (snr_db / 20.0) * unit_target(velocity) for velocity, snr_db in targets)
+    adc = add_noise(adc, MANY, np.random.default_rng(seed))
+    return ss.detect(ss.range_doppler_angle(ss.virtual_cube(adc, MANY), MANY))
+
+
+@pytest.mark.parametrize(("snr_db", "most"), [(22.0, 1), (26.0, 1), (40.0, 3), (73.0, 6)])
+def test_many_channels_leave_no_images(snr_db, most):
+    """Weak in each of 192 channels, an image stood out of their sum, and one scaled to the noise of their beams."""
+    points = found_at(3, (1.7, snr_db))
+    assert points.radial_velocity[0] == pytest.approx(1.7, abs=0.5 * MANY.velocity_resolution)
+    assert points.num_points <= most
+
+
+def test_a_weak_target_beside_a_strong_one_is_no_image():
+    """Another velocity at the same range, which is none of the strong target's images."""
+    velocity = 1.7 + 2.5 * 2.0 * MANY.unambiguous_velocity / 16.0
+    for seed in range(2):
+        points = found_at(seed, (1.7, 60.0), (velocity, 26.0))
+        assert np.abs(points.radial_velocity - velocity).min() < 0.5 * MANY.velocity_resolution
+
+
+@pytest.mark.parametrize("kind", ["ddm", "bpm"])
+def test_noise_with_periodic_codes_keeps_the_rate(kind):
+    """Of alarms of noise one of the images stays, so the rate is what was asked for or below."""
+    radar, alarms, cells = coded(SMALL, kind), 0, 0
+    for seed in range(12):
+        adc = np.zeros((4, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
+        rd = ss.range_doppler(ss.virtual_cube(add_noise(adc, radar, np.random.default_rng(seed)), radar), radar)
+        found = cfar(rd, 1e-3)
+        alarms, cells = alarms + int(found.sum()), cells + found.size
+    assert 0.2e-3 < alarms / cells < 1.3e-3

@@ -8,11 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from ..peaks import tone_offset
-from ..processing import RangeDoppler, coupling
+from ..processing import RangeDoppler, bins_a_hertz
 from .subbin import ToneAxis, fit_tones
 
 Array = npt.NDArray[np.float64]
@@ -79,7 +78,7 @@ class Cells:
         """Ranges [m], shape (num_targets,); what noise puts before the radar is at 0."""
         rd = self.rd
         step = rd.range[1] - rd.range[0] if len(rd.range) > 1 else rd.radar.max_range
-        aliased = self.fold * (bins_a_hertz(rd) / rd.radar.slow_interval)
+        aliased = self.fold * (bins_a_hertz(rd.radar, rd.data.shape[2]) / rd.radar.slow_interval)
         return np.asarray(np.maximum((self.column + self.offset[1] - aliased) * step, 0.0))
 
     @property
@@ -137,23 +136,12 @@ def _carriers(cells: Cells, place: Array) -> Phasors | float:
     return np.asarray(np.exp(-2j * np.pi * np.multiply.outer(delay, higher)))
 
 
-def bins_a_hertz(rd: RangeDoppler) -> float:
-    """Return by how many range bins the compensation of motion moves a row of a Doppler frequency of 1 Hz down.
-
-    By definition of :func:`~scarl_sionna.signal.processing.range_doppler`; a target whose velocity is aliased is seen
-    as much too far for each Hz that its row lies too low.
-    """
-    seen = seen_by(rd.radar)
-    sign = 1.0 if seen.waveform.sweep.slope > 0.0 else -1.0
-    return float(sign * coupling(seen) * rd.data.shape[2] / seen.sample_rate)
-
-
 def beat_place(cells: Cells) -> Array:
     """Return the places over range that targets have before the compensation of motion [bins], shape (num_targets,).
 
     By definition of :func:`bins_a_hertz`; the map knows of no intervals, so the row's own Doppler frequency counts.
     """
-    shift = bins_a_hertz(cells.rd) if cells.rd.is_compensated else 0.0
+    shift = bins_a_hertz(cells.rd.radar, cells.rd.data.shape[2]) if cells.rd.is_compensated else 0.0
     return np.asarray(cells.column + cells.offset[1] + shift * replace(cells, fold=np.zeros_like(cells.fold)).doppler)
 
 
@@ -194,7 +182,7 @@ def at_targets(
         gain = straddle_gain(cells)
         return cells, cells.snapshot / np.sqrt(gain)[:, None], noise_power / gain
     rd, axes = cells.rd, ToneAxis.of(cells.rd)
-    shift = bins_a_hertz(rd) if rd.is_compensated else 0.0
+    shift = bins_a_hertz(rd.radar, rd.data.shape[2]) if rd.is_compensated else 0.0
     folded, beat = replace(cells, fold=np.zeros_like(cells.fold)), beat_place(cells)
     column = np.rint(beat).astype(np.int64)
     offset, snapshot, noise = np.empty((2, len(beat))), np.empty((len(beat), len(rd.data)), dtype=np.complex128), []

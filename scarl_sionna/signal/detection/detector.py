@@ -6,7 +6,6 @@ from typing import NamedTuple, Unpack, cast
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammaincinv
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
@@ -16,6 +15,7 @@ from scarl_sionna.core.units import power_to_db
 from ..angle import RangeDopplerAngle, directions
 from ..direction.manifold import Manifold
 from ..direction.several import Method, check_method, pursue
+from ..noise import floor_of
 from ..processing import RangeDoppler, uncompensated
 from .ambiguity import unfolded
 from .beams import Beams, beams_above, is_peak, maxima
@@ -203,5 +203,4 @@ def _table(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, sines: Array,
 
 def noise_floor(rd: RangeDoppler, power: npt.NDArray[np.float32]) -> float:
     """Return the noise of a cell of one channel [W]: by the map's median power, at least the thermal noise."""
-    channels = len(rd.data)
-    return max(rd.noise_power, float(np.median(power)) * channels / float(gammaincinv(channels, 0.5)))
+    return floor_of(power, len(rd.data), rd.noise_power)

@@ -12,11 +12,11 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from ..direction.manifold import Manifold
 from ..peaks import parabola_offset
-from ..processing import RangeDoppler, uncompensated
+from ..processing import RangeDoppler, bins_a_hertz, uncompensated
 from ..uneven import chirp_times, doppler_matrix, middle_time
 from ..windows import window_values
 from .ambiguity import is_clear
-from .cells import Cells, beat_place, bins_a_hertz, transmit_delays
+from .cells import Cells, beat_place, transmit_delays
 from .subbin import ToneAxis
 
 Array = npt.NDArray[np.float64]
@@ -119,7 +119,7 @@ def _moved(cells: Cells, found: list[_Found]) -> Cells:
     rows, columns = len(cells.rd.radial_velocity), cells.rd.data.shape[2]
     offset = (doppler * cells.rd.radar.slow_interval - fold) * rows - (kept.row - rows // 2)
     moved = replace(kept, fold=np.zeros_like(fold), offset=(offset, kept.offset[1]))
-    shift = bins_a_hertz(cells.rd)
+    shift = bins_a_hertz(cells.rd.radar, columns)
     place = start + shift * fold / cells.rd.radar.slow_interval - kept.column
     if not cells.rd.is_compensated:
         place = place + shift * moved.doppler
