@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -13,8 +15,10 @@ from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import RangeDopplerAngle, range_doppler_angle, steering
 from scarl_sionna.signal.detection import cfar, detect
+from scarl_sionna.signal.detection.subbin import _axis
 from scarl_sionna.signal.detection.threshold import TrainingWindow, _threshold_factor
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
+from scarl_sionna.signal.windows import window_values
 
 RADAR = RadarSpec().with_(num_chirps=32, num_samples=64)
 
@@ -124,3 +128,14 @@ def test_the_window_may_fill_the_map_but_not_leave_it() -> None:
 def test_no_direction_at_all_is_refused() -> None:
     with pytest.raises(ParameterRangeError, match="most_directions"):
         detect(noise_map(RADAR), most_directions=0)
+
+
+def test_a_long_range_axis_is_searched_in_little_memory() -> None:
+    """Offsets times cells times bins took 3.6 GB at 32,768 bins."""
+    many, few = (window_values("hann", count) for count in (20_000, 400))
+    tracemalloc.start()
+    axis = _axis(tuple(many.tolist()), tuple((many**2).tolist()), 20_000, 1)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 300e6
+    assert np.allclose(axis.tones, _axis(tuple(few.tolist()), tuple((few**2).tolist()), 400, 1).tones, atol=1e-3)

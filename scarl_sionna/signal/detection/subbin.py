@@ -27,6 +27,7 @@ UNEXPLAINED, UNEXPLAINED_BY_CODE = 0.1, 0.25
 """Part of the power around a peak beyond which a single tone is no model of it; a code within a ramp has sidelobes of a
 tenth of its own."""
 _GRID_STEPS = 128
+_VALUES_A_BLOCK = 4_000_000
 _ROUNDS = 4
 _LEAST_EIGENVALUE = 1e-9
 """Of the cells' covariance: a map with more bins than values has cells that say nothing new."""
@@ -80,10 +81,7 @@ class ToneAxis:
 
     def response(self, offset: Array) -> Array:
         """Return a tone of amplitude 1 in the cells, shape (n, num_cells), for offsets (n,) [bins of the map]."""
-        turn = 2.0 * np.pi * _positions(len(self.weights)) / self.num_bins
-        tone, cell = np.multiply.outer(offset, turn), np.multiply.outer(self.offset, turn)
-        out = np.cos(tone) @ (np.cos(cell) * self.weights).T + np.sin(tone) @ (np.sin(cell) * self.weights).T
-        return np.asarray(out)
+        return _response(self.weights, self.num_bins, offset, self.offset)
 
     def fit(self, values: Patch) -> tuple[Array, Array]:
         """Return the offsets (n,) whose tones hold most of whitened values (n, num_cells), and that power (n,)."""
@@ -106,36 +104,41 @@ def _positions(count: int) -> Array:
     return np.asarray(np.arange(count) - (count - 1) / 2.0, dtype=np.float64)
 
 
+def _response(weights: Array, num_bins: int, tone: npt.NDArray[np.number], cell: npt.NDArray[np.number]) -> Array:
+    """Return the transform of tones (n,) in cells (m,), both in bins, shape (n, m), block by block of the weights."""
+    out = np.zeros((len(tone), len(cell)))
+    turn = 2.0 * np.pi * _positions(len(weights)) / num_bins
+    block = max(1, _VALUES_A_BLOCK // (len(tone) + len(cell)))
+    for first in range(0, len(turn), block):
+        part = slice(first, first + block)
+        tones, cells = np.multiply.outer(tone, turn[part]), np.multiply.outer(cell, turn[part])
+        out += np.cos(tones) @ (np.cos(cells) * weights[part]).T + np.sin(tones) @ (np.sin(cells) * weights[part]).T
+    return out
+
+
 @lru_cache(maxsize=32)
 def _axis(weights: tuple[float, ...], noise: tuple[float, ...], num_bins: int, sign: int) -> ToneAxis:
     """Return the axis with as few cells as its window needs; `noise` is the variance that each value adds."""
     tone, variance = np.array(weights), np.array(noise) / np.sum(noise)
-    most = min(REACH[1], (len(tone) - 1) // 2)
-    least = min(REACH[0], most)
-    for reach in range(least, most + 1):
-        axis = _axis_of(tone, variance, num_bins, sign, reach)
+    count, most = len(tone), min(REACH[1], (len(tone) - 1) // 2)
+    stride = max(num_bins // count, 1)
+    offset = stride * np.arange(-most, most + 1)
+    if len(offset) >= count - 1:  # all there are
+        offset = stride * np.arange(-(count // 2), count - count // 2)
+    grid = stride * np.linspace(-1.0, 1.0, 2 * _GRID_STEPS + 1) * (1.0 if count > 1 else 0.0)
+    raw = _response(tone, num_bins, grid, offset)
+    covariance = _response(variance, num_bins, offset, offset)
+    for reach in range(min(REACH[0], most), most + 1):
+        used = np.flatnonzero((np.abs(offset) <= stride * reach) | (reach == most))
+        values, vectors = np.linalg.eigh(covariance[np.ix_(used, used)])
+        whiten = (vectors / np.sqrt(np.maximum(values, _LEAST_EIGENVALUE * values[-1]))) @ vectors.T
+        tones = raw[:, used] @ whiten.T
+        tones /= np.linalg.norm(tones, axis=1)[:, None]
+        turn = np.exp(2j * np.pi * sign * offset[used] / num_bins * (count - 1) / 2.0)
+        axis = ToneAxis(tone, num_bins, offset[used], turn, whiten, grid, tones)
         if reach == most or _loss(axis, variance) <= LOSS:
             break
     return axis
-
-
-def _axis_of(weights: Array, variance: Array, num_bins: int, sign: int, reach: int) -> ToneAxis:
-    """Return the axis with `reach` cells on each side."""
-    count = len(weights)
-    position, stride = _positions(count), max(num_bins // count, 1)
-    offset = stride * np.arange(-reach, reach + 1)
-    if len(offset) >= count - 1:  # all there are
-        offset = stride * np.arange(-(count // 2), count - count // 2)
-    apart = np.subtract.outer(offset, offset) / num_bins
-    covariance = np.cos(2.0 * np.pi * apart[..., None] * position) @ variance
-    values, vectors = np.linalg.eigh(covariance)
-    whiten = (vectors / np.sqrt(np.maximum(values, _LEAST_EIGENVALUE * values[-1]))) @ vectors.T
-    grid = stride * np.linspace(-1.0, 1.0, 2 * _GRID_STEPS + 1) * (1.0 if count > 1 else 0.0)
-    cycles = np.subtract.outer(grid, offset) / num_bins
-    raw = (np.cos(2.0 * np.pi * cycles[..., None] * position) @ weights) @ whiten.T
-    turn = np.exp(2j * np.pi * sign * offset / num_bins * (count - 1) / 2.0)
-    tones = raw / np.linalg.norm(raw, axis=1)[:, None]
-    return ToneAxis(weights, num_bins, offset, turn, whiten, grid, tones)
 
 
 def _loss(axis: ToneAxis, variance: Array) -> float:
