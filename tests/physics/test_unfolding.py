@@ -72,3 +72,15 @@ def test_noise_and_slow_targets_stay_where_they_are():
         points = detect(range_doppler_angle(virtual_cube(adc, RADAR), RADAR), RADAR, pfa=1e-3)
         assert (np.abs(points.radial_velocity[points.snr_db < 15.0]) < 1.01 * RADAR.unambiguous_velocity).mean() > 0.9
         assert abs(points.radial_velocity[0]) < 8.52
+
+
+@pytest.mark.parametrize("multiplexing", ["ideal", "tdm"])
+@pytest.mark.parametrize("share", [0.98, 0.995, -0.995])
+def test_the_upper_half_of_the_last_bin_is_within_the_interval(multiplexing, share):
+    """Seen below the first row, it was one interval off, and its range with it."""
+    radar = RADAR.with_(num_chirps=32, multiplexing=multiplexing)
+    velocity = share * radar.unfolded_velocity
+    points = points_of(target(radar, velocity), radar)
+    assert points.radial_velocity[0] == pytest.approx(velocity, abs=0.05 * radar.velocity_resolution)
+    assert points.range[0] == pytest.approx(30.0, abs=0.05 * radar.range_resolution)
+    assert np.degrees(points.azimuth[0]) == pytest.approx(20.0, abs=0.3)

@@ -59,12 +59,10 @@ def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
     if count < 2 or not len(cells.row) or not cells.rd.is_compensated or not is_regular(radar):
         return cells
     tried = np.arange(-(count // 2), (count - 1) // 2 + 1)
-    others = [replace(cells, fold=np.full(len(cells.row), fold)) for fold in tried]
+    cells = replace(cells, num_intervals=count)
+    others = [replace(cells, fold=np.full(len(cells.row), fold)).wrapped() for fold in tried]
     power = np.stack([manifold.spectrum(other.snapshot, other.distance).max(axis=1) for other in others])
     best, seen = power.argmax(axis=0), power[count // 2]
     top = power.max(axis=0)
     fold = np.where(is_clear(top, seen, noise_power), tried[best], 0)
-    if count % 2 == 0:  # half way round both signs have the same phases: the slower one
-        negative = cells.rd.radial_velocity[cells.row] < 0.0
-        fold = np.where((fold == -(count // 2)) & negative, count // 2, fold)
-    return replace(cells, fold=fold.astype(np.int64))
+    return replace(cells, fold=fold.astype(np.int64)).wrapped()

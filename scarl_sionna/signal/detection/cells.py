@@ -46,6 +46,8 @@ class Cells:
     own : ndarray of complex128, shape (num_targets, num_virtual), or None
         The channels' values at the targets' own range and Doppler, where they were found otherwise than in the map
         [sqrt(W)].
+    num_intervals : int
+        Unambiguous intervals that are told apart, which velocities stay within.
     """
 
     rd: RangeDoppler
@@ -54,6 +56,7 @@ class Cells:
     offset: tuple[Array, Array]
     fold: npt.NDArray[np.int64]
     own: Phasors | None = None
+    num_intervals: int = 1
 
     @classmethod
     def of(cls, rd: RangeDoppler, power: npt.NDArray[np.float32], row: Index, column: Index) -> Cells:
@@ -64,7 +67,21 @@ class Cells:
         """Return some of the targets."""
         offset = (self.offset[0][index], self.offset[1][index])
         own = None if self.own is None else self.own[index]
-        return Cells(self.rd, self.row[index], self.column[index], offset, self.fold[index], own)
+        row, column, fold = self.row[index], self.column[index], self.fold[index]
+        return replace(self, row=row, column=column, offset=offset, fold=fold, own=own)
+
+    def wrapped(self) -> Cells:
+        """Return the cells with velocities within the intervals that are told apart.
+
+        A target in the upper half of the last bin is seen below the first row: the next interval is its own, and its
+        range is compensated with that one. By definition of the transform over even chirps; others stay as they are.
+        """
+        if self.own is not None or not is_regular(self.rd.radar):
+            return self
+        rows = len(self.rd.radial_velocity)
+        cycles = (self.row - rows // 2 + self.offset[0]) / rows + self.fold
+        beyond = np.floor(cycles / self.num_intervals + 0.5).astype(np.int64) * (rows > 1)
+        return replace(self, fold=self.fold - self.num_intervals * beyond)
 
     @property
     def doppler(self) -> Array:
@@ -201,7 +218,7 @@ def at_targets(
     moved = replace(folded, offset=(offset[0], offset[1]))
     found = column + offset[1] - shift * moved.doppler - cells.column
     found = np.mod(found + 0.5 * data.shape[2], data.shape[2]) - 0.5 * data.shape[2]
-    moved = replace(cells, offset=(offset[0], found))
+    moved = replace(cells, offset=(offset[0], found)).wrapped()
     snapshot *= _turns(cells, moved.doppler - cells.doppler) * _carriers(cells, column + offset[1] - beat)
     return moved, snapshot, np.concatenate([*noise, np.zeros(0)])
 

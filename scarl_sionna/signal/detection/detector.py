@@ -162,6 +162,7 @@ def _points(
 ) -> RadarPoints:
     """Return the table of detected cells, one row a direction; `noise` is that of a cell of one channel [W]."""
     rd, radar = rda.channels, manifold.radar
+    cells = cells.wrapped()
     if how.unfold:
         find = resolved if is_staggered(rd.radar) and beams is None else unfolded
         cells = find(cells, manifold, noise / radar.num_virtual)
