@@ -29,7 +29,7 @@ from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
 from . import band, direct, groups
-from .coded import passing, symbols
+from .coded import late, passing, symbols
 from .coded import ramps as coded_ramps
 from .moving import Signal, Tolerances, linear_signal, moving_signals
 from .orders import orders
@@ -213,33 +213,35 @@ def _of_symbols(
     waveform = radar.waveform
     assert is_coded(waveform)  # by the caller
     _check_finite(paths)
-    length = PathGeometry.of(paths, radar).center_length()
-    inside = symbols.within_prefix(paths, length, radar, waveform)
+    inside = symbols.within_prefix(paths, radar, waveform)
+    alone_in_turn = inside | late.alone_in_turn(paths, radar, waveform)
     if not inside.all():
-        warnings.warn(
-            f"{int((~inside).sum())} of {paths.num_paths} paths, up to {length.max():.4g} m long, are longer than the "
-            f"prefix of {waveform.prefix_time * 1e6:.4g} us: the end of the symbol before falls into the receiver's "
-            "window. They are summed sample by sample, which takes long; a longer prefix spares it",
-            ScarlWarning,
-            stacklevel=4,
-        )
+        warnings.warn(late.told(paths, inside, alone_in_turn, radar, waveform), ScarlWarning, stacklevel=4)
     change = passing.changes(codes, radar)
     if change is not None and paths.num_paths:
         end = passing.end_of(paths, radar)
         for first, signal in _of_symbols(paths, end, *passing.tolerances(radar, end, tolerance, motion_tolerance)):
             yield first, passing.passed(signal, radar, end, change[first:])
-    beyond = paths.select(~inside) if tolerance is not None else paths
-    if beyond.num_paths:
-        yield 0, symbols.plain(band.constant(beyond), radar, waveform, motion_tolerance, codes)
-    if tolerance is None or not inside.any():
+    plainly = paths.select(~alone_in_turn) if tolerance is not None else paths
+    if plainly.num_paths:
+        yield 0, symbols.plain(band.constant(plainly), radar, waveform, motion_tolerance, codes)
+    if tolerance is None:
         return
-    kept = paths.select(inside)
-    fastest = float((np.abs(kept.length_rate) + radar.frame_time * np.abs(kept.length_acceleration)).max())
-    nodes = symbols.Nodes.of(waveform, fastest, tolerance)
-    for wait, weight in zip(nodes.wait, nodes.weight, strict=True):
-        tones = seen_by(radar, float(wait), every=True)
-        for first, signal in _of_ramps(kept, tones, symbols.CHANNEL_SHARE * tolerance, motion_tolerance):
-            yield first, symbols.modulated(signal, radar, waveform, first, weight)
+    groups = [(paths.select(inside), {0: (0, waveform.repetitions * waveform.num_samples)})]
+    beyond = alone_in_turn & ~inside
+    if beyond.any():
+        parts = late.Late(band.constant(paths.select(beyond)), radar, waveform, motion_tolerance, codes)
+        yield 0, parts.rest()
+        groups += parts.groups()
+    for kept, spans in groups:
+        if not kept.num_paths:
+            continue
+        fastest = float((np.abs(kept.length_rate) + radar.frame_time * np.abs(kept.length_acceleration)).max())
+        nodes = symbols.Nodes.of(waveform, fastest, tolerance)
+        for node, wait in enumerate(nodes.wait):
+            tones, weights = seen_by(radar, float(wait), every=True), nodes.shares(node, spans)
+            for first, signal in _of_ramps(kept, tones, symbols.CHANNEL_SHARE * tolerance, motion_tolerance):
+                yield first, symbols.modulated(signal, radar, waveform, first, weights, codes)
 
 
 def _of_coded_ramps(

@@ -187,7 +187,7 @@ def _way(amplitude: complex, length: float, radar: RadarSpec, tx: int) -> npt.ND
     if isinstance(own, Ofdm | Pmcw):
         alike = radar.with_(multiplexing=IdealMimo(), waveform=own)
         signal = direct.sum_paths(*columns, seen_by(alike, every=True), 0)
-        return modulated(lambda tx, rx: signal, alike, own, 0, np.ones(own.num_samples))(0, 0)
+        return modulated(lambda tx, rx: signal, alike, own, 0, {0: np.ones(own.num_samples)})(0, 0)
     if isinstance(own, PcFmcw):
         beat = direct.sum_paths(*columns, radar.with_(multiplexing=IdealMimo(), waveform=own.ramps()), 0)
         if own.coding == "across":

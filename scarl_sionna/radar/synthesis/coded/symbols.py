@@ -8,13 +8,14 @@ With the tones f_k above the carrier and the time t_n of a sample after the star
 The channel changes over a window by Doppler only, by a turn or less. It is computed at Chebyshev's nodes in the window,
 each a frame of tones that take no time (the transforms of ramps make it), and interpolated between them: ``H_k(t) =
 sum_j l_j(t) H_k(t_j)``. Periods that are averaged share ``exp(2j pi f_k t)``, so their weights are averaged as well.
-Paths longer than the prefix, which bring the end of the symbol before, are summed sample by sample.
+Paths longer than the prefix leave the first samples empty, or bring the end of the symbol before:
+:mod:`scarl_sionna.radar.synthesis.coded.late`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -25,6 +26,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveforms.coded import Coded, window_start
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 
 from ..motion import PairTerms, PathMotion
@@ -35,6 +37,8 @@ from ..phase import delay_terms, phasor
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 Signal = Callable[[int, int], npt.NDArray[np.complexfloating]]
+Span = tuple[int, int]
+"""From which sample of a window on, of all repetitions, and before which one."""
 
 NODES_SHARE = 0.3
 """Share of the tolerance that interpolation between the nodes may take."""
@@ -50,8 +54,7 @@ class Nodes:
     ----------
     wait : ndarray of float64, shape (num_nodes,)
         After the chirp's start [s].
-    weight : ndarray of float64, shape (num_nodes, num_samples)
-        Averaged over the repetitions.
+    weight : ndarray of float64, shape (num_nodes, repetitions, num_samples)
     """
 
     wait: Array
@@ -67,8 +70,15 @@ class Nodes:
         angle = (np.arange(number) + 0.5) * np.pi / number
         time = np.arange(repeats * count) / waveform.sample_rate
         weight = lagrange(np.cos(angle), (time - half) / half if half else time)
-        average = weight.reshape(number, repeats, count).mean(axis=1)
-        return cls(window_start(waveform) + half * (1.0 + np.cos(angle)), average)
+        return cls(window_start(waveform) + half * (1.0 + np.cos(angle)), weight.reshape(number, repeats, count))
+
+    def shares(self, node: int, spans: Mapping[int, Span]) -> dict[int, Array]:
+        """Return what each sample takes of a node, (num_samples,), in spans, by name; averaged over the repetitions."""
+        weight, out = self.weight[node], {}
+        for name, (first, last) in spans.items():
+            inside = np.arange(weight.size).reshape(weight.shape)
+            out[name] = np.where((inside >= first) & (inside < last), weight, 0.0).mean(axis=0)
+        return out
 
 
 def lagrange(nodes: Array, values: Array) -> Array:
@@ -79,7 +89,14 @@ def lagrange(nodes: Array, values: Array) -> Array:
     return np.asarray(shares.T @ np.cos(np.outer(order, np.arccos(np.clip(values, -1.0, 1.0)))))
 
 
-def modulated(signal: Signal, radar: RadarSpec, waveform: Coded, first: int, weight: Array) -> Signal:
+def modulated(
+    signal: Signal,
+    radar: RadarSpec,
+    waveform: Coded,
+    first: int,
+    weights: Mapping[int, Array],
+    codes: Complex | None = None,
+) -> Signal:
     """Return what makes the samples of a pair from the channel at all tones at one node.
 
     Parameters
@@ -90,24 +107,44 @@ def modulated(signal: Signal, radar: RadarSpec, waveform: Coded, first: int, wei
     waveform : Coded
     first : int
         First chirp.
-    weight : ndarray of float64, shape (num_samples,)
-        Of the node.
+    weights : mapping of int to ndarray of float64, shape (num_samples,)
+        Of the node, for the window's own symbol (0) and those so many before.
+    codes : ndarray of complex128, shape (num_chirps, num_tx), optional
+        As of :func:`plain`.
     """
     strengths, count, sent = waveform.spectrum, waveform.num_samples, waveform.sent
 
     def of_pair(tx: int, rx: int) -> npt.NDArray[np.complexfloating]:
         channel = np.conj(signal(tx, rx))
-        rows = strengths if len(strengths) == 1 else strengths[first : first + len(channel)]
-        lines = np.zeros((len(channel), count), dtype=np.complex128)
-        for few in range(0, len(sent), count):  # tones beyond the band of the samples fold
-            some = slice(few, few + count)
-            lines[:, (sent[some] - count // 2) % count] += rows[:, some] * channel[:, some]
-        return np.asarray(np.fft.ifft(lines, axis=1, norm="forward") * weight)
+        out = np.zeros((len(channel), count), dtype=np.complex128)
+        for back, weight in weights.items():
+            skip = max(0, back - first)  # nothing was sent before the frame
+            of_window = slice(first + skip, first + len(channel))
+            of_symbol = slice(first + skip - back, first + len(channel) - back)
+            rows = strengths if len(strengths) == 1 else strengths[of_symbol]
+            if back:
+                turns = back * radar.doppler_interval * waveform.spacing
+                rows = rows * phasor(turns * (sent - count // 2).astype(np.float64))
+                if codes is not None:
+                    rows = rows * (codes[of_symbol, tx] / codes[of_window, tx])[:, None]
+            lines = np.zeros((len(channel[skip:]), count), dtype=np.complex128)
+            for few in range(0, len(sent), count):  # tones beyond the band of the samples fold
+                some = slice(few, few + count)
+                lines[:, (sent[some] - count // 2) % count] += rows[:, some] * channel[skip:, some]
+            out[skip:] += np.fft.ifft(lines, axis=1, norm="forward") * weight
+        return out
 
     return of_pair
 
 
-def within_prefix(paths: RadarPaths, length: Array, radar: RadarSpec, waveform: Coded) -> npt.NDArray[np.bool_]:
+def reach_of(paths: RadarPaths, radar: RadarSpec) -> Array:
+    """Return bounds of the lengths over the whole frame, whichever pair of antennas, (num_paths,) [m]."""
+    arms = sum(float(np.linalg.norm(array, axis=1).max()) for array in (radar.tx_array, radar.rx_array))
+    change = radar.frame_time * (np.abs(paths.length_rate) + radar.frame_time * np.abs(paths.length_acceleration))
+    return np.asarray(PathGeometry.of(paths, radar).center_length() + arms + change)
+
+
+def within_prefix(paths: RadarPaths, radar: RadarSpec, waveform: Coded) -> npt.NDArray[np.bool_]:
     """Return which paths arrive within the prefix over the whole frame, whichever pair of antennas.
 
     Raises
@@ -124,25 +161,30 @@ def within_prefix(paths: RadarPaths, length: Array, radar: RadarSpec, waveform: 
                 "a code that pauses needs a prefix as long as the delay of the farthest echo",
             )
         return np.ones(paths.num_paths, dtype=np.bool_)
-    arms = sum(float(np.linalg.norm(array, axis=1).max()) for array in (radar.tx_array, radar.rx_array))
-    change = radar.frame_time * (np.abs(paths.length_rate) + radar.frame_time * np.abs(paths.length_acceleration))
-    return np.asarray(length + arms + change <= waveform.prefix_time * SPEED_OF_LIGHT)
+    return np.asarray(reach_of(paths, radar) <= waveform.prefix_time * SPEED_OF_LIGHT)
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Delays and strengths of the paths of each kind of motion, about given times; see :func:`orders`."""
+    """Delays and strengths of the paths of each kind of motion, about given times; see :func:`orders`.
+
+    `order` says which path each column is, (num_paths,).
+    """
 
     held: RadarPaths
     linear: RadarPaths
     moving: RadarPaths
     radar: RadarSpec
+    order: npt.NDArray[np.intp]
 
     @classmethod
     def of(cls, paths: RadarPaths, radar: RadarSpec, tolerance: float | None) -> Law:
         """Return the laws of paths; the tolerance is that of the motion."""
         held, bent, linear, moving = orders(paths, radar, tolerance)
-        return cls(paths.select(held | bent), paths.select(linear), paths.select(moving), radar)
+        kinds = held | bent, linear, moving
+        order = np.concatenate([np.flatnonzero(kind) for kind in kinds])
+        some = [paths.select(kind) for kind in kinds]
+        return cls(some[0], some[1], some[2], radar, order)
 
     def at(self, tx: int, rx: int, times: Array) -> tuple[Array, Array, Array, Complex, Array]:
         """Return delays [s] with two derivatives, amplitudes and their relative rates, (num_times, num_paths) each."""

@@ -92,7 +92,9 @@ class Ofdm(_Symbols):
     kind: Literal["ofdm"] = "ofdm"
     num_subcarriers: int = Field(512, ge=1, le=65536, description="of the sampled band")
     subcarrier_spacing: Hertz = Field(600e3, gt=0.0, description="from one subcarrier to the next [Hz]")
-    cyclic_prefix: Seconds = Field(1.4e-6, ge=0.0, description="sent before each symbol [s]")
+    cyclic_prefix: Seconds = Field(
+        1.7e-6, ge=0.0, description="sent before each symbol [s]; as long as the delay of the farthest echo"
+    )
     idle_time: Seconds = Field(35e-6, ge=0.0, description="pause between symbols [s]")
     comb: int = Field(1, ge=1, description="every so many subcarriers are sent")
     comb_offset: int = Field(0, ge=0, description="first subcarrier of the comb")
