@@ -7,6 +7,7 @@ import pytest
 import scipy.fft
 
 import scarl_sionna as ss
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.units import SPEED_OF_LIGHT, dbm_to_watt
 from scarl_sionna.signal.receivers import noise_share
 
@@ -282,3 +283,9 @@ def test_the_noise_floor_of_a_burst_is_its_energy() -> None:
     found = ss.range_doppler(ss.virtual_cube(data, victim), victim, window="rect")
     mean = np.mean(np.abs(found.data[0]) ** 2)
     assert mean == pytest.approx(np.sum(np.abs(data[0]) ** 2) / data[0].size ** 2, rel=0.01)
+
+
+@pytest.mark.parametrize("share", [0.5, -1.0, 0.0, float("nan")])
+def test_frames_closer_than_they_last_are_refused(share) -> None:
+    with pytest.raises(ParameterRangeError, match="frame_interval"):
+        left_by(VICTIM, frame_interval=share * VICTIM.frame_time)

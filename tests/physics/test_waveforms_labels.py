@@ -8,6 +8,7 @@ import pytest
 import scarl_sionna as ss
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.radar.labels import labels as labels_module
 from scarl_sionna.radar.labels.labels import label_cells, label_points
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
@@ -93,3 +94,34 @@ def test_sidelobes_over_weak_objects_have_their_owner(name, window) -> None:
     error = np.abs(found.share - exact.share)[shown & (exact.share > 0.9)]
     assert wrong["sidelobes"] < 0.1 and wrong["sidelobes"] < 0.5 * wrong["spread"]
     assert np.median(error) < 0.01
+
+
+@pytest.mark.parametrize("speed", [-5.9, 20.0, 31.0])
+@pytest.mark.parametrize("name", ["bursts", "jitter"])
+def test_cells_of_fast_points_are_labelled(name, speed) -> None:
+    """Beyond what velocities a burst tells apart, and where staggered chirps spread a point over Doppler."""
+    waveform = {"bursts": ss.SteppedFmcw(num_chirps=128, num_samples=64), "jitter": ss.Fmcw(**RAMP, chirp_jitter=7e-6)}
+    radar = ss.RadarSpec(waveform=waveform[name])
+    ray = np.array([np.cos(0.2), np.sin(0.2), 0.0])
+    paths = point_targets([20.13 * ray], [speed * ray], 100.0, radar, Pose())
+    paths.instance[:] = 7
+    rd = range_doppler(virtual_cube(synthesize(paths, radar), radar), radar)
+    found = label_cells(rd, paths, method="sidelobes")
+    assert found.power.argmax() == rd.power.argmax()
+    assert found.power.max() == pytest.approx(float(rd.power.max()), rel=0.02)
+    shown = rd.power > 10.0 * rd.noise_power
+    assert shown.sum() >= 9 and (found.instance[shown] == 7).all()
+    if name == "bursts":  # its main lobe is elsewhere, too
+        assert label_cells(rd, paths).power.argmax() == rd.power.argmax()
+
+
+def test_only_what_lobes_do_not_hold_is_synthesized(monkeypatch) -> None:
+    radar, made = ss.RadarSpec(waveform=ss.SteppedFmcw(num_chirps=128, num_samples=64)), []
+    place, speed = [[20.0, 0.0, 0.0], [30.0, 5.0, 0.0]], [[1.0, 0.0, 0.0], [20.0, 0.0, 0.0]]
+    paths = point_targets(place, speed, 10.0, radar, Pose())
+    paths.instance[:] = [[1], [2]]
+    rd = range_doppler(virtual_cube(synthesize(paths, radar), radar), radar)
+    plain = labels_module._synthesized
+    monkeypatch.setattr(labels_module, "_synthesized", lambda rd, some: made.append(some.num_paths) or plain(rd, some))
+    found = label_cells(rd, paths)
+    assert made == [1] and set(np.unique(found.instance)) >= {1, 2}

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT, watt_to_dbm
 from scarl_sionna.radar.antenna import PathGeometry
@@ -59,7 +59,7 @@ def synthesize_interference(
     start_time : float
         Start of one of the other radar's frames after that of the listening radar's frame [s]. Its frames repeat.
     frame_interval : float, optional
-        From frame to frame [s]; without pause if left out.
+        From frame to frame [s], no shorter than these are; without pause if left out.
     frequency_offset : float
         Of the other radar's carrier from what its waveform says [Hz].
 
@@ -68,6 +68,11 @@ def synthesize_interference(
     ndarray of complex64, shape (num_rx, num_chirps_total, num_samples)
         [sqrt(W)], behind the filters before the converter, without noise: it is added to that of
         :func:`scarl_sionna.synthesize`. Real samples are its I, of beat frequencies of both signs.
+
+    Raises
+    ------
+    ParameterRangeError
+        If `frame_interval` is shorter than the sender's frames.
 
     Warns
     -----
@@ -88,6 +93,9 @@ def synthesize_interference(
     .. [1] G. M. Brooker, "Mutual interference of millimeter-wave radar systems", IEEE Trans. Electromagn. Compat.
        49(1), 2007.
     """
+    if frame_interval is not None and not frame_interval >= sender.frame_time * (1.0 - 1e-9):
+        allowed = f">= the frame time of the sender, {sender.frame_time:g} s"
+        raise ParameterRangeError("frame_interval", f"{frame_interval:g} s", allowed, "leave it out for no pause")
     heard = Listener.of(radar)
     shape = (radar.num_rx, len(heard.ramp), radar.num_samples)
     straight: Complex = np.zeros(shape, dtype=np.complex128)

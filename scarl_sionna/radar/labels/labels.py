@@ -31,6 +31,8 @@ Array = npt.NDArray[np.float64]
 Ids = npt.NDArray[np.int32]
 Mask = npt.NDArray[np.bool_]
 
+MAIN_LOBE = 2.0
+"""Bins from the middle of Hann's main lobe to its end."""
 SIDELOBE_LIMIT = 0.1
 """Power of an instance's sidelobes in a cell, over the noise in it, down to which they count."""
 _COUNTED = 1 << 16
@@ -234,8 +236,10 @@ def label_cells(
         ``"spread"`` puts each path's field onto the cells of the windows' main lobes; ``"sidelobes"`` along both axes
         as far as the sidelobes of an instance are above a tenth of the map's noise. ``"synthesis"`` makes the raw
         data of each instance alone and transforms it: exact, sidelobes included, one synthesis for each instance.
-        Chirps with carriers of their own have no lobe that is a product over range and Doppler, and paths beyond the
-        unambiguous velocity of staggered chirps have images at several rows: they are always synthesized.
+        Always synthesized are: all instances where chirps have carriers of their own, whose lobe is no product over
+        range and Doppler; those with paths beyond the unambiguous velocity of staggered chirps or of stepped bursts,
+        which have images at several rows or ranges; and for ``"sidelobes"`` those whose strongest cell is above that
+        tenth where chirps are staggered, whose sidelobes are not the window's.
 
     Returns
     -------
@@ -262,15 +266,17 @@ def label_cells(
     if method not in ("spread", "sidelobes", "synthesis"):
         raise ParameterRangeError("method", repr(method), "'sidelobes', 'spread' or 'synthesis'")
     labels = label_paths(paths, state)
-    stepped = rd.radar.waveform.chirp_frequencies is not None and rd.radar.waveform.burst == 1
-    if rd.radar.waveform.chirp_delays is not None and paths.num_paths:
-        stepped |= bool(np.abs(paths.length_rate).max() > 2.0 * rd.radar.unambiguous_velocity)
-    table = CellSpread.of(rd, paths) if method != "synthesis" and not stepped else None
+    lobes = rd.radar.waveform.chirp_frequencies is None or rd.radar.waveform.burst > 1
+    table = CellSpread.of(rd, paths) if method != "synthesis" and lobes else None
     limit = SIDELOBE_LIMIT * rd.noise_power if method == "sidelobes" else None
+    beyond, uneven = _beyond_lobes(rd.radar, paths), rd.radar.waveform.chirp_delays is not None
     cells, powers, rows = [], [], []
     groups = _groups(labels)
     for number, index in enumerate(groups.rows()):
-        filled, power = _synthesized(rd, paths.select(index)) if table is None else table.power(index, limit)
+        filled, power = table.power(index, limit) if table is not None else (None, np.zeros(0))
+        sides = uneven and limit is not None and power.max(initial=0.0) > limit
+        if filled is None or sides or beyond[index].any():
+            filled, power = _synthesized(rd, paths.select(index))
         cells.append(filled)
         powers.append(power)
         rows.append(np.full(len(filled), number))
@@ -311,6 +317,18 @@ def _groups(labels: PathLabels) -> _Groups:
     both = 2 * labels.instance.astype(np.int64) + labels.is_ghost  # one number: rows of two sort many times as long
     number, member = _distinct(both)
     return _Groups(np.stack([number // 2, number % 2], axis=1), member)
+
+
+def _beyond_lobes(radar: RadarSpec, paths: RadarPaths) -> npt.NDArray[np.bool_]:
+    """Return which paths are so fast that a point has more than one lobe, or another one than at rest.
+
+    Beyond the unambiguous velocity of staggered chirps; of stepped bursts also where the main lobe reaches beyond it.
+    """
+    waveform, fastest = radar.waveform, radar.unambiguous_velocity
+    if waveform.chirp_delays is None and waveform.burst == 1:
+        return np.zeros(paths.num_paths, dtype=np.bool_)
+    reach = MAIN_LOBE * radar.velocity_resolution if waveform.burst > 1 else 0.0
+    return np.asarray(0.5 * np.abs(paths.length_rate) > fastest - reach)
 
 
 def _synthesized(rd: RangeDoppler, paths: RadarPaths) -> tuple[npt.NDArray[np.int64], Array]:
