@@ -120,8 +120,11 @@ def test_only_what_lobes_do_not_hold_is_synthesized(monkeypatch) -> None:
     place, speed = [[20.0, 0.0, 0.0], [30.0, 5.0, 0.0]], [[1.0, 0.0, 0.0], [20.0, 0.0, 0.0]]
     paths = point_targets(place, speed, 10.0, radar, Pose())
     paths.instance[:] = [[1], [2]]
-    rd = range_doppler(virtual_cube(synthesize(paths, radar), radar), radar)
+    cube = virtual_cube(synthesize(paths, radar), radar)
+    rd = range_doppler(cube, radar)
     plain = labels_module._synthesized
     monkeypatch.setattr(labels_module, "_synthesized", lambda rd, some: made.append(some.num_paths) or plain(rd, some))
     found = label_cells(rd, paths)
+    with pytest.warns(ss.ScarlWarning, match="1 of 2 paths are faster than bursts tell apart, 6.35 m/s"):
+        label_points(detect(range_doppler_angle(cube, radar)), paths, radar)
     assert made == [1] and set(np.unique(found.instance)) >= {1, 2}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -9,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.arrays.rows import row_any
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
@@ -408,6 +409,11 @@ def label_points(
     -------
     PointLabels
 
+    Warns
+    -----
+    ScarlWarning
+        If paths are beyond the unambiguous velocity of stepped bursts: the points that they make are elsewhere.
+
     Notes
     -----
     The field of a group at a point is that of :func:`label_cells` at the point's own range and velocity, summed over
@@ -417,6 +423,15 @@ def label_points(
     """
     labels = label_paths(paths, state)
     groups = _groups(labels)
+    beyond = (0.5 * np.abs(paths.length_rate) > radar.unambiguous_velocity) & (radar.waveform.burst > 1)
+    if beyond.any():
+        warnings.warn(
+            f"{int(beyond.sum())} of {paths.num_paths} paths are faster than bursts tell apart, "
+            f"{radar.unambiguous_velocity:.3g} m/s, and stand beside their place: their points may have no label; "
+            "label_cells has them",
+            ScarlWarning,
+            stacklevel=2,
+        )
     radar = radar.one_sided
     cells = PathCells.of(paths, radar, window, doppler_window)
     beam = _beams(points, radar)
