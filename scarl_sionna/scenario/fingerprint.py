@@ -8,6 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from scarl_sionna.core.untrusted.files import Stamps, stamps
+
 from .compose import Composition
 from .openscenario.drive import SUFFIX, files_of
 from .randomize import RANGES_FILE
@@ -54,7 +56,7 @@ def _contents(spec: ScenarioSpec, plain: dict[str, Any]) -> dict[str, Any]:
     for key, value in plain.items():
         if isinstance(value, dict):
             out[key] = _contents(spec, value)
-        elif key == "file" or (key == "model" and "/" in str(value)):
+        elif (key in ("file", "moved_by") and value is not None) or (key == "model" and "/" in str(value)):
             out[key] = _checksum_of(spec.find(str(value)))
         else:
             out[key] = value
@@ -78,11 +80,11 @@ def _checksum_of(path: Path) -> str:
 
 
 def _sha256(path: Path) -> str:
-    return _sha256_of(path.resolve(), path.stat().st_mtime_ns)
+    return _sha256_of(path.resolve(), stamps(path))
 
 
 @lru_cache(maxsize=4096)
-def _sha256_of(path: Path, changed: int) -> str:
+def _sha256_of(path: Path, changed: Stamps) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 

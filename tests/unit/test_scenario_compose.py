@@ -26,6 +26,7 @@ from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine.light.sky import SKY_SIZE, sky_image
 from scarl_sionna.scenario.compose import compose
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.scene.actors.model import read_actor_model
 from scarl_sionna.simulation import load_world
 from tests.lane_scene import lane_scene
 
@@ -301,3 +302,26 @@ def test_a_clouded_night_has_a_sky() -> None:
     image = sky_image(night, dark, np.zeros(3))
     assert np.isfinite(image).all() and image.min() > 0.0
     np.testing.assert_array_equal(image, sky_image(night.with_(cloud_cover=0.0), dark, np.zeros(3)))
+
+
+def test_a_body_is_read_anew_when_what_moves_it_is_edited(tmp_path, monkeypatch) -> None:
+    """The reading itself stands aside: it tells how often it is asked for."""
+    from scarl_sionna.scenario import cast
+    from scarl_sionna.scenario.fingerprint import _contents
+
+    read, stated = [], set()
+    monkeypatch.setattr(cast, "actor_from_body", lambda *_, **fields: read.append(fields) or read_actor_model("child"))
+    (tmp_path / "body.glb").write_bytes(b"glTF")
+    motion = tmp_path / "walk.bvh"
+    body = {"file": str(tmp_path / "body.glb"), "moved_by": str(motion), "semantic": "Pedestrian"}
+    spec = ScenarioSpec(
+        scene="urban_crossing",
+        detail="light",
+        actors=[{"name": "she", "body": body, "trajectory": {"kind": "static", "position": [40.0, 30.0, 0.0]}}],
+    )
+    for text, count in (("one", 1), ("one", 1), ("another", 2)):
+        if not motion.exists() or motion.read_text() != text:
+            motion.write_text(text)
+        cast._model(spec, ("actors", 0), spec.actors[0])
+        stated.add(_contents(spec, body)["moved_by"])
+        assert len(read) == len(stated) == count

@@ -187,6 +187,5 @@ def _same_pose(a: ImageFrame, b: ImageFrame) -> bool:
     return bool(
         np.array_equal(a.world_from_sensor.position, b.world_from_sensor.position)
         and np.array_equal(a.world_from_sensor.quaternion, b.world_from_sensor.quaternion)
-        and np.array_equal(a.spec.intrinsics, b.spec.intrinsics)
-        and a.spec.lens == b.spec.lens
+        and a.spec.projection_key == b.spec.projection_key
     )
