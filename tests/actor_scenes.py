@@ -43,7 +43,10 @@ def actor_world(
     folder.mkdir(parents=True, exist_ok=True)
     ET.ElementTree(root).write(folder / f"{model}.xml")
     lines = ["[scene]", f'name = "{model}"', ""]
+    bsdfs = {bsdf.get("id") for bsdf in root.iter("bsdf")}  # the light level has fewer
     for name, material in table["materials"].items():
+        if name not in bsdfs:
+            continue
         lines += [
             f"[materials.{name}]",
             f'radio = "{radio or material["radio"]}"',
