@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.radar.array import HALF_WAVE, AntennaArray, uniform_line
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.labels.labels import label_points
@@ -84,3 +85,30 @@ def test_the_upper_half_of_the_last_bin_is_within_the_interval(multiplexing, sha
     assert points.radial_velocity[0] == pytest.approx(velocity, abs=0.05 * radar.velocity_resolution)
     assert points.range[0] == pytest.approx(30.0, abs=0.05 * radar.range_resolution)
     assert np.degrees(points.azimuth[0]) == pytest.approx(20.0, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("num_tx", "apart", "num_rx", "intervals"),
+    [(3, 4, 4, 3), (2, 4, 4, 2), (4, 1, 1, 1), (12, 4, 4, 1), (3, 1, 4, 3)],
+)
+def test_a_radar_promises_the_velocities_that_its_array_tells(num_tx, apart, num_rx, intervals):
+    """Where another direction explains the phases between transmitters, their turns tell no more intervals."""
+    array = AntennaArray(
+        tx_positions=uniform_line(num_tx, apart * HALF_WAVE), rx_positions=uniform_line(num_rx, HALF_WAVE)
+    )
+    radar = RADAR.with_(array=array, num_chirps=32)
+    assert radar.num_turns == num_tx and radar.num_intervals == intervals
+    assert radar.unfolded_velocity == pytest.approx(intervals * radar.unambiguous_velocity)
+    late = tuple(4e-6 * (np.arange(32) % 2))  # hardly staggered: turns are told apart no better
+    assert radar.with_(chirp_offsets=late).unfolded_velocity == pytest.approx(radar.unfolded_velocity, rel=0.02)
+
+
+def test_what_is_promised_is_found_wherever_the_target_is():
+    """A single receiver: the transmitters are the array, and beyond their interval the direction would be another."""
+    array = AntennaArray(tx_positions=uniform_line(4, HALF_WAVE), rx_positions=((0.0, 0.0, 0.0),))
+    radar = RADAR.with_(array=array, num_chirps=32)
+    for azimuth_deg in (-40.0, 0.0, 35.0):
+        velocity = 0.9 * radar.unfolded_velocity
+        points = points_of(target(radar, velocity, azimuth_deg), radar)
+        assert points.radial_velocity[0] == pytest.approx(velocity, abs=0.1 * radar.velocity_resolution)
+        assert np.degrees(points.azimuth[0]) == pytest.approx(azimuth_deg, abs=1.0)

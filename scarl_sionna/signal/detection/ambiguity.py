@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.specs.radar.ambiguity import TOLD_APART_DB
+
 from ..direction.manifold import Manifold
 from .cells import Cells, is_regular
 
 Array = npt.NDArray[np.float64]
 
-_MARGIN_DB = 0.5
-"""Power by which the beam of another interval must be higher; the own one is 1.5 dB higher for three transmitters."""
 _MARGIN_NOISE = 12.0
-"""And by how much noise of a beam: a chance of 1e-4 to be wrong."""
+"""By how much noise of a beam that of another interval must be higher: a chance of 1e-4 to be wrong."""
 
 
 def is_clear(top: Array, seen: Array, noise_power: float) -> npt.NDArray[np.bool_]:
@@ -23,7 +23,7 @@ def is_clear(top: Array, seen: Array, noise_power: float) -> npt.NDArray[np.bool
 
     By definition of the margins; all powers in W.
     """
-    return np.asarray((top > 10.0 ** (_MARGIN_DB / 10.0) * seen) & (top - seen > _MARGIN_NOISE * noise_power))
+    return np.asarray((top > 10.0 ** (TOLD_APART_DB / 10.0) * seen) & (top - seen > _MARGIN_NOISE * noise_power))
 
 
 def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
@@ -46,8 +46,9 @@ def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
     -----
     In an interval that is not the target's, the phases between transmitters are wrong and the beam of the whole array
     falls apart. The interval with the strongest beam is taken, as many as transmitters have different times: the
-    velocities of all of them together are as ambiguous as those of a single transmitter that sends every chirp. Virtual
-    elements at one place, if there are any, take part as all others do.
+    velocities of all of them together are as ambiguous as those of a single transmitter that sends every chirp. Beyond
+    `radar.num_intervals` some other direction explains the phases as well, or nearly so, and it may be a wrong one.
+    Virtual elements at one place, if there are any, take part as all others do.
 
     References
     ----------

@@ -174,7 +174,8 @@ class SlowTime:
         square = matrix @ matrix.conj().T
         square += _RIDGE * float(np.linalg.norm(square, 2)) * np.eye(len(square))
         inverse = window[:, None] * matrix.conj().T @ np.linalg.inv(square)
-        span = radar.unfolded_velocity / radar.unambiguous_velocity / radar.slow_interval
+        tried = max(radar.unfolded_velocity / radar.unambiguous_velocity, float(radar.num_turns))
+        span = tried / radar.slow_interval
         delays, times = transmit_delays(radar), chirp_times(radar)
         middle, sweep = (radar.num_chirps - 1) / 2.0 * radar.doppler_interval, radar.waveform.sweep
         later = times - middle + middle_time(radar) + delays.mean()

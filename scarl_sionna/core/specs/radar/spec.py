@@ -14,7 +14,7 @@ from scarl_sionna.core.prompt.describe import Row
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import REFERENCE_TEMPERATURE, SPEED_OF_LIGHT, Degrees
 
-from .ambiguity import doppler_span
+from .ambiguity import Positions, doppler_span, intervals_told_apart
 from .array import AntennaArray
 from .converter import Adc
 from .front_end import FrontEnd
@@ -318,28 +318,47 @@ class RadarSpec(Spec):
 
     @property
     def num_turns(self) -> int:
-        """Different times at which the transmitters' chirps start in an interval of slow time; 1 if all send at once.
+        """Different times at which the transmitters' chirps start in an interval of slow time; 1 if all at once."""
+        return len(np.unique(np.round(self._turns, 6)))
 
-        So many intervals of velocity are told apart by the phases between them.
+    @property
+    def _turns(self) -> tuple[float, ...]:
+        """Starts of the transmitters' chirps in an interval of slow time [intervals]."""
+        return tuple(self.tx_delay(tx) / self.doppler_interval % 1.0 for tx in range(self.num_tx))
+
+    @property
+    def _places(self) -> tuple[Positions, Positions]:
+        """Positions (y, z) of transmitters and of receivers [wavelengths]."""
+        scale = self.center_frequency / SPEED_OF_LIGHT
+        send, receive = (tuple(map(tuple, (scale * at[:, 1:]).tolist())) for at in (self.tx_array, self.rx_array))
+        return send, receive
+
+    @property
+    def num_intervals(self) -> int:
+        """Intervals of velocity that the phases between transmitters tell apart; 1 if all send at once.
+
+        At most `num_turns`; less where a wrong velocity looks like another direction, because transmitters lie as close
+        as receivers, or receivers are few or fill the space between transmitters that are many: by the array factor
+        (:func:`~scarl_sionna.core.specs.radar.ambiguity.intervals_told_apart`).
         """
-        turns = [self.tx_delay(tx) / self.doppler_interval % 1.0 for tx in range(self.num_tx)]
-        return len(np.unique(np.round(turns, 6)))
+        return intervals_told_apart(self._turns, self.num_turns, *self._places)
 
     @property
     def unfolded_velocity(self) -> float:
         """Radial velocities within +- this value are told apart by :func:`detect` [m/s].
 
-        Beyond those of the maps where transmitters take turns, and where chirps start at uneven times.
+        Beyond those of the maps where transmitters take turns and their array tells it (`num_intervals`), and where
+        chirps start at uneven times.
         """
         waveform, within = self.waveform, self.unambiguous_velocity
         if waveform.burst > 1 or waveform.chirp_frequencies is not None:
             return within
         if waveform.chirp_delays is None:
-            return within * self.num_turns
+            return within * self.num_intervals
         starts = np.arange(self.num_chirps) * self.doppler_interval + np.asarray(waveform.chirp_delays)
         delays = tuple(self.tx_delay(tx) for tx in range(self.num_tx))
-        span = doppler_span(tuple(starts.tolist()), delays, self.center_frequency)
-        return max(within * self.num_turns, SPEED_OF_LIGHT / self.center_frequency / 4.0 * span)
+        span = doppler_span(tuple(starts.tolist()), delays, self.center_frequency, *self._places)
+        return max(within * self.num_intervals, SPEED_OF_LIGHT / self.center_frequency / 4.0 * span)
 
     @property
     def velocity_resolution(self) -> float:
