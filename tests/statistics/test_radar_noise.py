@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import scipy.stats
 
+from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.seeds import generator
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.signal.converter import quantize
@@ -110,3 +113,21 @@ def test_correlated_training_cells_keep_the_false_alarm_rate(guard, training, pf
     exact = 1.0 / np.linalg.det(np.eye(count) + high / count * covariance)
     # links count one by one (without them 29 % and 42 % more alarms); what is left is the endless window of this oracle
     assert exact == pytest.approx(pfa, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("window", "guard", "most"),
+    [("hann", (0, 0), 0.3), ("blackmanharris", (0, 0), 0.2)],
+)
+def test_a_guard_too_narrow_for_the_window_is_told(window, guard, most):
+    small = RADAR.with_(num_chirps=64, num_samples=256)
+    draw = add_noise(np.zeros((4, 192, 256), dtype=np.complex64), small, np.random.default_rng(3))
+    rd = range_doppler(virtual_cube(draw, small), small, window=window)
+    with pytest.warns(ScarlWarning, match=r"guard = .* link a cell to its training cells, .* suffices") as told:
+        found = cfar(rd, 1e-2, guard, (2, 3))
+    assert found.mean() < most * 1e-2
+    wider = tuple(int(part) for part in re.findall(r"guard = \((\d+), (\d+)\) suffices", str(told[0].message))[0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = cfar(rd, 1e-2, wider, (2, 3))
+    assert found.mean() == pytest.approx(1e-2, rel=0.35)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Literal, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 import scipy.ndimage
+import scipy.special
 
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 
 from ..processing import RangeDoppler
 from ..windows import window_values
@@ -28,6 +30,8 @@ TRAINING: Widths = (6, 8)
 RANK = 0.75
 """Part of the training cells that the ordered statistic is not below."""
 _VALUES_A_BLOCK = 4_000_000
+_RATE_KEPT = 0.7
+"""Part of a rate of false alarms below which links to the training cells are told."""
 _INDEPENDENT = 1.0 - 1e-9
 """Part of the training cells from which on all count as independent."""
 
@@ -108,7 +112,9 @@ def cfar(
     Doppler is periodic; beyond the ends of range there is nothing, so cells there have fewer training cells. An axis of
     one or two bins has no training cells. The factors are exact for independent training cells; how windows link them
     counts by the effective number of independent ones, and cell by cell where a window has few of them
-    (:mod:`~scarl_sionna.signal.detection.correlated`).
+    (:mod:`~scarl_sionna.signal.detection.correlated`). The cell itself counts as independent of its training cells:
+    where the guard is too narrow for the map's window, or for zero padding, fewer cells stand out, and a
+    :class:`~scarl_sionna.core.errors.ScarlWarning` says about how many, and which guard suffices.
 
     In a window all around, a car hides the people beside it. Along its own velocity a person is alone, and a long
     vehicle, which fills its row, stands out along range: a cell counts if it stands out along either. Both thresholds
@@ -144,10 +150,45 @@ def windows_of(
         named: list[tuple[Along, int]] = [("doppler", rd.data.shape[1]), ("range", rd.data.shape[2])]
         axes = [name for name, bins in named if bins > 2] or ["both"]
     windows = [TrainingWindow.of(rd, guard, training, axis) for axis in axes]
+    _warn_of_links(rd, windows, (num_looks, pfa), guard, training)
     if len(windows) == 2:
         halves = windows[0].halves(statistic.kind), windows[1].halves(statistic.kind)
         pfa = rate_of_each(statistic.kind, pfa, num_looks, halves, statistic.rank)
     return windows, pfa
+
+
+def _warn_of_links(
+    rd: RangeDoppler, windows: list[TrainingWindow], asked: tuple[int, float], guard: Widths, training: Widths
+) -> None:
+    """Warn if a cell's own noise is in its training cells, so that fewer exceed them; `asked`: looks and rate."""
+    kept = float(np.mean([_rate_kept(window.link, *asked) for window in windows]))
+    if kept >= _RATE_KEPT:
+        return
+    enough = []
+    for axis, bins in enumerate(rd.data.shape[1:]):
+        count = (rd.radar.num_doppler_bins, rd.radar.num_range_bins)[axis]
+        most = min(bins, 16 * max(bins // count, 1))
+        links = np.abs(_noise_correlation(rd.window[1 - axis], count, bins, most + training[axis] + 1)) ** 2
+        links = links[len(links) // 2 :]
+        kept_by = [_rate_kept(links[g + 1 : g + 1 + training[axis]].mean(), *asked) for g in range(most)]
+        fits = [g for g, part in enumerate(kept_by) if part >= _RATE_KEPT]
+        enough.append(max(guard[axis], fits[0] if fits else most))
+    warnings.warn(
+        f"guard = {tuple(guard)}: windows {rd.window} link a cell to its training cells, and about {kept:.2g} of the "
+        f"false alarms that pfa = {asked[1]:g} asks for remain; guard = {tuple(enough)} suffices",
+        ScarlWarning,
+        stacklevel=4,
+    )
+
+
+def _rate_kept(link: float, num_looks: int, pfa: float) -> float:
+    """Return the part of a rate that is left where training cells have a part `link` of a cell's own noise power.
+
+    A cell x times the mean raises the mean of its training cells by ``(x - 1) link``; to first order of the gamma
+    distribution's tail.
+    """
+    level = float(scipy.special.gammainccinv(num_looks, min(pfa, 0.5))) / num_looks
+    return float(np.exp(-num_looks * (level - 1.0) ** 2 * link))
 
 
 def _stand_out(
@@ -238,6 +279,10 @@ class TrainingWindow:
         self.outer, self.inner, self.correlation, self.split = outer, inner, correlation, split
         self.loss = _correlation_loss(correlation, outer, inner)
         """Independent training cells over training cells."""
+        offsets, _ = self.offsets("ca")
+        near = [np.abs(axis[at + len(axis) // 2]) ** 2 for axis, at in zip(correlation, offsets.T, strict=True)]
+        self.link = float(np.mean(near[0] * near[1]))
+        """Part of a cell's own noise power in its training cells, on average."""
 
     @classmethod
     def of(cls, rd: RangeDoppler, guard: Widths, training: Widths, along: Along = "both") -> TrainingWindow:
