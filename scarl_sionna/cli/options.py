@@ -177,11 +177,18 @@ class ScenarioOptions:
     def _further(self) -> Iterator[tuple[str, list[object]]]:
         """Yield the path and the values of each ``--set``."""
         seen = set[str]()
+        options = {name: name for name, value in self.fields.items() if value is not None}
+        options |= {f"radar.{RADAR_OPTIONS[name][0]}": name for name, value in self.radar.items() if value is not None}
         for text in self.further:
             path, equals, value = text.partition("=")
             if not equals or not path.strip():
                 raise ParameterRangeError("--set", text, "FIELD=VALUE, for instance radar.raycast.num_rays=50000")
             path = path.strip()
+            if path in options:
+                option = f"--{options[path].replace('_', '-')}"
+                raise ParameterRangeError(
+                    "--set", f"{path} beside {option}", "each field once", "leave one of them out"
+                )
             if path in seen:
                 remedy = f"several values stand in one, with commas: --set {path}=a,b"
                 raise ParameterRangeError("--set", f"{path} twice", "each field once", remedy)

@@ -122,6 +122,19 @@ def test_what_set_refuses(texts: tuple[str, ...], message: str) -> None:
         swept(*texts)
 
 
+@pytest.mark.parametrize(
+    ("fields", "radar", "text", "message"),
+    [
+        ({"weather": "rain"}, {}, "weather=fog", "--set = weather beside --weather is not allowed"),
+        ({}, {"tolerance_db": 3.0}, "radar.accuracy.channel_tolerance_db=1,2", "beside --tolerance-db"),
+    ],
+)
+def test_what_an_option_says_is_not_set_once_more(fields, radar, text: str, message: str) -> None:
+    with pytest.raises(ParameterRangeError, match=message):
+        ScenarioOptions(fields, radar, (text,)).divided()
+    ScenarioOptions(dict.fromkeys(fields), dict.fromkeys(radar), (text,)).divided()
+
+
 def test_splits_keep_variants_together_and_stay_when_seeds_are_added() -> None:
     base = ScenarioSpec(scene="tunnel", name="x")
     shares = (0.7, 0.2, 0.1)
