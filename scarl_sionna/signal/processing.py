@@ -11,7 +11,7 @@ import numpy.typing as npt
 import scipy.fft
 
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError
-from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
+from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, check_finite, expect
 from scarl_sionna.core.prompt.describe import Described, Row, array_text, short
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -51,7 +51,7 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
     Raises
     ------
     ParameterRangeError
-        If the shape is not the radar's.
+        If the shape is not the radar's, or values are not finite.
 
     References
     ----------
@@ -63,6 +63,7 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
         raise ParameterRangeError(
             "adc", f"shape {np.shape(adc)}", f"shape {expected} = (num_rx, num_chirps_total, num_samples)"
         )
+    check_finite("adc", np.asarray(adc))
     if radar.multiplexing.is_coded:
         return separate(np.asarray(adc), radar)
     split = np.asarray(adc).reshape(radar.num_rx, radar.num_chirps, radar.num_tx, radar.num_samples)
@@ -225,8 +226,8 @@ def range_doppler(
     Raises
     ------
     ParameterRangeError
-        If the shape is not the radar's, fewer bins than samples are asked for, or Doppler bins that are no multiple of
-        the period of its codes.
+        If the shape is not the radar's, values are not finite, fewer bins than samples are asked for, or Doppler bins
+        that are no multiple of the period of its codes.
 
     Notes
     -----
@@ -265,6 +266,7 @@ def range_doppler(
             f"shape {expected} = (num_virtual, num_chirps, num_samples)",
             "make it with virtual_cube",
         )
+    check_finite("cube", np.asarray(cube))
     if radar.adc.is_real:
         return _of_real(cube, radar, (window, doppler_window), (num_range_bins, num_doppler_bins), compensate_motion)
     seen = seen_by(radar)

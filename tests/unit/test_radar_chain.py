@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from scarl_sionna.core.errors import ParameterRangeError, PlacementError, UnknownNameError
+from scarl_sionna.core.errors import ParameterRangeError, PlacementError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.points import point_targets
@@ -189,3 +189,23 @@ def test_detection_on_silence_is_empty():
     rda = range_doppler_angle(np.zeros((12, 64, 64), dtype=np.complex64), SMALL.with_(num_chirps=64))
     points = detect(rda, SMALL)
     assert points.num_points == 0 and points.position.shape == (0, 3)
+
+
+def test_raw_data_that_is_not_finite_is_refused():
+    """It gave no points, without a word."""
+    radar = RadarSpec().with_(num_chirps=8, num_samples=16)
+    adc = np.zeros((4, 24, 16), dtype=np.complex64)
+    adc[1, 2, 3] = np.nan
+    with pytest.raises(ParameterRangeError, match=r"adc = 1 of 1536 values not finite, first \(1, 2, 3\)"):
+        virtual_cube(adc, radar)
+    cube = np.full((12, 8, 16), np.inf, dtype=np.complex64)
+    with pytest.raises(ParameterRangeError, match="cube = 1536 of 1536 values not finite"):
+        range_doppler(cube, radar)
+
+
+def test_more_power_than_is_sent_is_told_once():
+    radar = RadarSpec().with_(num_chirps=8, num_samples=16)
+    near = point_targets([[0.01, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 1.0, radar, Pose())
+    with pytest.warns(ScarlWarning, match=r"up to \d+\.\d dBm of 12\.0 dBm sent") as told:
+        synthesize(near, radar)
+    assert len(told) == 1

@@ -91,6 +91,25 @@ def numbers(name: str, values: object, count: int, what: str, remedy: str = "") 
     return array
 
 
+def check_finite(name: str, values: npt.NDArray[np.number]) -> None:
+    """Raise if an array has values that are not finite.
+
+    Raises
+    ------
+    ParameterRangeError
+        With their number, and the index of the first.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(values.sum()):  # one is enough to spoil a sum
+            return
+    wrong = np.argwhere(~np.isfinite(values))
+    if len(wrong):
+        first = tuple(int(index) for index in wrong[0])
+        raise ParameterRangeError(
+            name, f"{len(wrong)} of {values.size} values not finite, first {first}", "finite values"
+        )
+
+
 def check_radians(name: str, angle: npt.ArrayLike) -> None:
     """Raise if an angle was most likely written in degrees: it is larger than `MOST_RADIANS`.
 

@@ -21,7 +21,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
 from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
-from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.core.units import SPEED_OF_LIGHT, dbm_to_watt, watt_to_dbm
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.radome import settled
@@ -157,7 +157,21 @@ def alone(
     for senders, alike in _by_band(radar):
         for first, signal in make(paths, alike, tolerance, accuracy.motion_tolerance):
             _add(adc, radar, signal, first, senders)
+    _warn_of_more_than_sent(adc, radar)
     return adc
+
+
+def _warn_of_more_than_sent(adc: npt.NDArray[np.complex64], radar: RadarSpec) -> None:
+    """Warn if a receiver gets more power than a transmitter sends: the radar equation is of the far field."""
+    sent = radar.front_end.tx_power_dbm
+    largest = float(np.abs(adc).max(initial=0.0))
+    if largest**2 > dbm_to_watt(sent):
+        warnings.warn(
+            f"a receiver gets up to {watt_to_dbm(largest**2):.1f} dBm of {sent:.1f} dBm sent: the radar equation does "
+            "not hold for points that near, or of such a cross section",
+            ScarlWarning,
+            stacklevel=4,
+        )
 
 
 def _by_band(radar: RadarSpec) -> Iterator[tuple[Sequence[int], RadarSpec]]:
