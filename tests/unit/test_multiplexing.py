@@ -265,11 +265,11 @@ def test_a_weak_target_beside_a_strong_one_is_no_image():
 
 @pytest.mark.parametrize("kind", ["ddm", "bpm"])
 def test_noise_with_periodic_codes_keeps_the_rate(kind):
-    """Of alarms of noise one of the images stays, so the rate is what was asked for or below."""
+    """Images of noise are taken out where they exceed it, and what they are filled with has its rate."""
     radar, alarms, cells = coded(SMALL, kind), 0, 0
     for seed in range(12):
         adc = np.zeros((4, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
         rd = ss.range_doppler(ss.virtual_cube(add_noise(adc, radar, np.random.default_rng(seed)), radar), radar)
         found = cfar(rd, 1e-3)
         alarms, cells = alarms + int(found.sum()), cells + found.size
-    assert 0.2e-3 < alarms / cells < 1.3e-3
+    assert 0.7e-3 < alarms / cells < 1.3e-3
