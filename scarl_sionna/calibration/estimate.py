@@ -67,7 +67,7 @@ class CalibrationResult:
         and priors.
     covariance : ndarray of float64, shape (num_parameters, num_parameters)
     chi_square, degrees_of_freedom : float, int
-        Of the measurements that were used; dimensionless.
+        Of the measurements that were used and of the priors, each of which counts as a value; dimensionless.
     converged : bool
     reason : str
         Why it converged, or why not.
@@ -108,13 +108,13 @@ class CalibrationResult:
     def misfit(self) -> float:
         """Root of chi-square per degree of freedom, at least 1.
 
-        By how much the stated noise is too small for the misfit.
+        By how much the stated noise and the priors' deviations are too small for the misfit.
         """
         return max(1.0, (self.chi_square / self.degrees_of_freedom) ** 0.5) if self.degrees_of_freedom > 0 else 1.0
 
     @property
     def p_value(self) -> float:
-        """Probability of so large a misfit if model and noise are right."""
+        """Probability of so large a misfit if model, noise and priors are right."""
         return float(chi2.sf(self.chi_square, self.degrees_of_freedom)) if self.degrees_of_freedom > 0 else 1.0
 
     @property
@@ -273,8 +273,7 @@ def _result(
         for k in range(i)
         if np.isfinite(correlation[i, k]) and abs(correlation[i, k]) > 0.95
     ]
-    num_data = sum(len(item.data) for item in model.channels if not item.spec.held_out)
-    residuals = model.residuals(values)[:num_data]
+    residuals = model.residuals(values)
     converged, reason = _verdict(best, at_bound, others, _weak(names, fisher))
     return CalibrationResult(
         model.problem,
@@ -283,7 +282,7 @@ def _result(
         std,
         covariance,
         float(residuals @ residuals),
-        num_data - len(names),
+        len(residuals) - len(names),
         converged,
         reason,
         at_bound,

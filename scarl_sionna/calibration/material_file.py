@@ -20,7 +20,7 @@ from .spec import SlabMeasurement
 def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
     """Return the materials of a result with the estimated numbers, their source and their uncertainty.
 
-    The uncertainties are widened by `misfit` where the model does not explain the data to within the stated noise.
+    Uncertainties are widened by `misfit` where the model does not explain data and priors to within what was stated.
     """
     owners = dict.fromkeys(item.owner for item in result.problem.parameters)
     used = {id(item.spec): item.spec for item in result.model.channels if not item.spec.held_out}
@@ -37,7 +37,9 @@ def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
         )
         state = "" if result.converged else f"; NOT CONVERGED: {result.reason}"
         widened = (
-            f" (noise taken {result.misfit:.2g} times as stated, to explain the misfit)" if result.misfit > 1.1 else ""
+            f" (noise and priors taken {result.misfit:.2g} times as stated, to explain the misfit)"
+            if result.misfit > 1.1
+            else ""
         )
         base = result.model.table[owner]
         if "scattering_coefficient" in values or ("roughness_rms" in values and _scatters(used.values(), owner)):

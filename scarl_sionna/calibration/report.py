@@ -178,11 +178,10 @@ def _page(result: CalibrationResult) -> str:
         f"<p>Chi-square {result.chi_square:.4g} for {result.degrees_of_freedom} degrees of "
         f"freedom (probability {result.p_value:.2g}). "
         + (
-            f"The stated noise does not explain the misfit: widen the intervals by {result.misfit:.2g}, "
-            "which the material "
-            "entries do.</p>"
+            f"The noise and the priors stated do not explain the misfit: widen the intervals by {result.misfit:.2g}, "
+            "which the material entries do.</p>"
             if result.misfit > 1.1
-            else "The model explains the data within the stated noise.</p>"
+            else "The model explains the data within the noise and the priors stated.</p>"
         ),
         "<h2>What the measurements can tell</h2>",
     ]

@@ -57,6 +57,7 @@ def _table(result: CalibrationResult) -> str:
         lines.append("not identified: " + " ".join(f"{value:+.2f} {name}" for name, value in weak.weights.items()))
     if result.misfit > 1.1:
         lines.append(
-            f"the noise stated does not explain the misfit: take the intervals {result.misfit:.2g} times as wide"
+            "the noise and the priors stated do not explain the misfit: "
+            f"take the intervals {result.misfit:.2g} times as wide"
         )
     return "\n".join(lines)

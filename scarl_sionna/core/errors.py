@@ -127,10 +127,14 @@ class MaterialError(ScarlError):
     """A material is unknown or its entry is not usable."""
 
 
+_LEAST_CARRIER = 1e6
+"""Below it a frequency was meant in another unit than Hz: no radio material has data there."""
+
+
 class MaterialRangeError(MaterialError):
     """A material has no data at the frequency asked for.
 
-    `frequency` [Hz] lies outside of the interval `valid` [Hz].
+    `frequency` [Hz] lies outside of the interval `valid` [Hz]; the built-in materials `alternatives` have data there.
     """
 
     def __init__(
@@ -138,10 +142,15 @@ class MaterialRangeError(MaterialError):
     ) -> None:
         self.material, self.frequency, self.valid = material, frequency, valid
         self.alternatives = sorted(alternatives)
+        is_slow = frequency < _LEAST_CARRIER
+        shown = f"{frequency:.6g} Hz" if is_slow else f"{frequency / 1e9:.4g} GHz"
+        hint = (
+            f"choose one of {', '.join(self.alternatives)} or " if self.alternatives else "no built-in material has; "
+        )
+        hint += "add a sourced entry to a materials.toml"
         super().__init__(
-            f"material '{material}' has no data at {frequency / 1e9:.4g} GHz "
-            f"(valid: {valid[0] / 1e9:.4g}-{valid[1] / 1e9:.4g} GHz); choose one of {', '.join(self.alternatives)} "
-            "or add a sourced entry to a materials.toml"
+            f"material '{material}' has no data at {shown} (valid: {valid[0] / 1e9:.4g}-{valid[1] / 1e9:.4g} GHz); "
+            + ("frequencies are in Hz: 77 GHz is 77e9" if is_slow else hint)
         )
 
 

@@ -20,6 +20,19 @@ def test_probability_of_the_misfit_and_progress() -> None:
     assert result.p_value == pytest.approx(chi2.sf(result.chi_square, 15), rel=1e-12) and 0.001 < result.p_value < 0.999
 
 
+def test_a_prior_that_the_data_contradict_is_a_misfit() -> None:
+    one = CalibrationProblem(parameters=[PERMITTIVITY], measurements=[bench(angle_deg=30.0, values=(-9.0,), noise=0.1)])
+    true = 5.0
+    told = {mean: PERMITTIVITY.with_(prior_mean=mean, prior_std=0.05) for mean in (true, 8.8)}
+    fits = {mean: calibrate(simulated(one.with_(parameters=[item]), [true])) for mean, item in told.items()}
+    for mean, fit in fits.items():
+        assert fit.degrees_of_freedom == 1  # a value and a prior, one parameter
+        left = fit.model.residuals(fit.values)
+        assert len(left) == 2 and fit.chi_square == pytest.approx(left @ left, rel=1e-12), mean
+    assert fits[true].p_value > 0.001 and fits[true].misfit < 4.0
+    assert fits[8.8].p_value < 1e-30 and fits[8.8].misfit > 10.0
+
+
 def test_what_is_held_out_does_not_move_the_estimate() -> None:
     fitted = simulated(CalibrationProblem(parameters=[PERMITTIVITY], measurements=[bench()]), [6.0])
     wrong = bench("wrong", polarization="TM", values=(-40.0,) * 16, held_out=True)

@@ -12,6 +12,7 @@ import pytest
 
 from scarl_sionna.core.errors import MaterialError, MaterialRangeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.units import VACUUM_PERMITTIVITY
+from scarl_sionna.scene.materials.carrier import at_carrier
 from scarl_sionna.scene.materials.dielectrics import (
     ice_permittivity,
     skin_permittivity,
@@ -105,6 +106,20 @@ def test_outside_the_range_is_an_error_with_alternatives() -> None:
         load_materials()["asphalt"].at(24e9)
     assert caught.value.valid == (76e9, 81e9)
     assert "concrete" in caught.value.alternatives
+
+
+@pytest.mark.parametrize("frequency", [77.0, 77e3])
+def test_a_frequency_in_another_unit_is_told_to_be_in_hertz(frequency: float) -> None:
+    with pytest.raises(MaterialRangeError, match=rf"no data at {frequency:g} Hz .*in Hz: 77 GHz is 77e9$"):
+        load_materials()["asphalt"].at(frequency)
+
+
+def test_where_no_material_has_data_none_is_named() -> None:
+    with pytest.raises(MaterialRangeError, match=r"7.7e\+04 GHz .*; no built-in material has; add a sourced") as caught:
+        load_materials()["asphalt"].at(77e12)
+    assert caught.value.alternatives == []
+    with pytest.raises(MaterialRangeError, match="no built-in material has"):
+        at_carrier(load_materials()["asphalt"], 77e12)
 
 
 def test_unknown_name_is_both_a_material_and_a_name_error() -> None:

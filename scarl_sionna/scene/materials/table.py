@@ -112,7 +112,7 @@ class RadioMaterial(Spec):
 
     def _require(self, frequency: float) -> None:
         if not self.covers(frequency):
-            alternatives = builtin_materials().names_at(frequency) or ["none of the built-in materials"]
+            alternatives = builtin_materials().names_at(frequency)
             raise MaterialRangeError(self.name, frequency, self.frequency_range, alternatives)
 
     @property
