@@ -281,7 +281,9 @@ class CalibrationProblem(Spec):
     measurements: tuple[Measurement, ...] = Field(min_length=1)
     materials: tuple[str, ...] = Field((), description="TOML files with further material entries, later ones win")
     targets: dict[str, LobedTarget] = Field(default_factory=dict)
-    num_starts: int = Field(4, ge=1, le=1000, description="the given start and others spread over the bounds")
+    num_starts: int = Field(
+        4, ge=1, le=1000, description="the given start and others over the bounds; further rounds if in doubt"
+    )
     max_evaluations: int = Field(200, ge=1, description="of the model, for each start")
     optimizer: Literal["least_squares", "adam"] = Field(
         "least_squares", description="trust region with Levenberg-Marquardt steps, or Adam: gradients only"

@@ -189,8 +189,7 @@ def test_a_search_may_start_on_a_bound_where_there_is_no_slope(optimizer: str, s
     )
     result = calibrate(given)
     if (optimizer, start) == ("adam", 1.0):  # Adam long remembers the first slope, some 250 times that at 0.6
-        assert 0.6 < result.values[0] < 0.9 and not result.converged and "max_evaluations" in result.reason
-        return
+        assert result.starts[0][1] > 10.0 * result.chi_square  # so another round finds it
     assert result.converged, result.reason
     assert result.values[0] == pytest.approx(0.6, abs=4.0 * result.std[0]) and result.std[0] < 0.05
 
