@@ -15,7 +15,7 @@ from scarl_sionna.calibration.device.capture import mean_of
 from scarl_sionna.calibration.device.model import DeviceModel
 from scarl_sionna.calibration.device.noise import MeasuredNoise
 from scarl_sionna.calibration.errors import CalibrationError
-from scarl_sionna.core.errors import OutputError, ParameterRangeError
+from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlWarning
 from scarl_sionna.signal.angle import steering
 from scarl_sionna.signal.antenna import field_gain
 from scarl_sionna.signal.front_end.channels import rx_matrix, tx_matrix
@@ -53,6 +53,40 @@ def test_every_planted_number_is_found_within_its_uncertainty(fit, device) -> No
 def test_residuals_are_at_the_noise_held_out_too(fit) -> None:
     assert [item.held_out for item in fit.residuals] == [False] * 10 + [True] * 2
     assert all(0.93 < item.over_noise < 1.07 for item in fit.residuals), fit.residuals
+
+
+def moved(captures: list[ReflectorCapture], number: int, by: list[float]) -> list[ReflectorCapture]:
+    """Return captures of which one says that its reflector stood elsewhere."""
+    place = np.asarray(captures[number].position) + by
+    return [replace(item, position=place) if k == number else item for k, item in enumerate(captures)]
+
+
+def test_what_was_stated_rightly_is_pulled_by_a_few_standard_deviations(fit) -> None:
+    pulls = fit.all_pulls
+    assert {"captures[0].x", "captures[11].level_db", "tx_y[1]", "rx_z[3]"} <= set(pulls)
+    assert max(map(abs, pulls.values())) < 4.0 and np.sqrt(np.mean(np.square(list(pulls.values())))) < 1.2
+    rows = {row[0]: str(row[1]) for row in fit._facts()}
+    assert rows["largest pull, fitted"] == f"{pulls['captures[3].x']:+.3g} (captures[3].x)"
+    assert "(captures[11].y)" in rows["largest pull, held out"]
+
+
+def test_a_survey_that_is_wrong_is_told_and_widens_the_intervals(fit, device) -> None:
+    with pytest.warns(
+        ScarlWarning, match=r"captures\[2\]\.x \('corner 2'\) is fitted 4\d(\.\d)? of its stated"
+    ) as told:
+        wrong = fit_device(moved(device.captures, 2, [0.3, 0.0, 0.0]), device.stated, SETTINGS)
+    assert len(told) == 1 and told[0].filename == __file__
+    assert all(item.over_noise < 1.07 for item in wrong.residuals if not item.held_out)  # the signals do not tell it
+    place = wrong.names.index("range_bias")
+    assert abs(wrong["range_bias"] - device.range_bias) > 4.0 * fit.std[place]
+    assert max(map(abs, errors_over_std(wrong, device).values())) < 2.0
+    assert wrong.summary()["residuals"][2]["pulls"]["x"] == pytest.approx(wrong.all_pulls["captures[2].x"])
+
+
+def test_a_survey_of_a_held_out_capture_that_is_wrong_is_told_and_widens_nothing(fit, device) -> None:
+    with pytest.warns(ScarlWarning, match=r"captures\[11\]\.x \('corner 11'\) is fitted"):
+        wrong = fit_device(moved(device.captures, 11, [0.1, 0.0, 0.0]), device.stated, SETTINGS)
+    assert wrong.std == pytest.approx(fit.std, rel=1e-6) and wrong.values == pytest.approx(fit.values, rel=1e-6)
 
 
 def test_the_fitted_radar_makes_the_raw_data_of_the_true_one(fit, device) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,14 +10,14 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from scarl_sionna.calibration.errors import ConvergenceError
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.gradients.operator import check_radar
 
 from .capture import ReflectorCapture, mean_of
-from .model import COUPLING, OF_CAPTURE, DeviceModel
+from .model import COUPLING, OF_CAPTURE, PULLED, DeviceModel
 from .noise import MeasuredNoise
-from .result import CaptureResidual, DeviceFit
+from .result import LARGE_PULL, CaptureResidual, DeviceFit
 from .settings import DeviceFitSettings
 from .start import add_leakage, first_guess
 
@@ -50,7 +51,13 @@ def fit_device(
     -------
     DeviceFit
         Estimates with 95 % intervals, what could not be identified, residuals over the noise (of held-out captures,
-        too), and the device as a `RadarSpec`.
+        too), pulls against what was stated, and the device as a `RadarSpec`.
+
+    Warns
+    -----
+    ScarlWarning
+        If the fit moves a place, a level, an antenna or a coupling by more than four of the standard deviations stated
+        for it: it names the largest, by which intervals are widened.
 
     Raises
     ------
@@ -90,13 +97,28 @@ def fit_device(
         raise ParameterRangeError("captures", f"{len(captures)}, all held out", "at least one that is fitted")
     noise = MeasuredNoise.of(captures, stated)
     fit = _search(used, stated, settings, noise)
-    residuals = [CaptureResidual(item.name, item.held_out, value) for item, value in zip(used, fit.rms, strict=True)]
-    for item in captures:
-        if item.held_out:
-            residuals.append(CaptureResidual(item.name, True, _held_out(item, fit, noise)))
-    order = [item for item in captures if not item.held_out] + [item for item in captures if item.held_out]
-    place = {id(item): number for number, item in enumerate(order)}
-    return fit.result(noise, [residuals[place[id(item)]] for item in captures])
+    fitted = iter(fit.residuals())
+    residuals = [_held_out(item, fit, noise) if item.held_out else next(fitted) for item in captures]
+    result = fit.result(noise, residuals)
+    _warn_of_pulls(result)
+    return result
+
+
+def _warn_of_pulls(found: DeviceFit) -> None:
+    """Warn if what was stated of captures or antennas is far from what the fit says."""
+    pulls = found.all_pulls
+    large = sorted((name for name in pulls if abs(pulls[name]) > LARGE_PULL), key=lambda name: -abs(pulls[name]))
+    if not large:
+        return
+    more = f" ({len(large) - 1} more are above {LARGE_PULL:g})" if len(large) > 1 else ""
+    names = {f"captures[{number}]": f" ('{item.name}')" for number, item in enumerate(found.residuals) if item.name}
+    label = large[0] + names.get(large[0].partition(".")[0], "")
+    text = f"{label} is fitted {abs(pulls[large[0]]):.3g} of its stated standard deviations from what was stated{more}"
+    remedy = (
+        "what was stated is wrong, its standard deviation is too small, or the device has what is not fitted "
+        "(coupling, antenna places); intervals are widened by the largest of what is fitted, held-out captures aside"
+    )
+    warnings.warn(f"{text}; {remedy}", ScarlWarning, stacklevel=3)
 
 
 class _Fit:
@@ -120,6 +142,14 @@ class _Fit:
         """Residual over the noise of each capture, shape (num_captures,); 1 where the model is right."""
         left = self.noise.whitened(self.data - self.model.value(self.device, self.own), self.model.captures)
         return np.asarray(np.sqrt(np.mean(np.abs(left) ** 2, axis=(1, 2, 3))))
+
+    def residuals(self) -> list[CaptureResidual]:
+        """Return what each capture differs by from the fit, and its pulls."""
+        pulls = self.model.pulls(self.device, self.own)[1][:, : len(PULLED)].tolist()
+        return [
+            CaptureResidual(item.name, item.held_out, float(rms), tuple(row))
+            for item, rms, row in zip(self.model.captures, self.rms, pulls, strict=True)
+        ]
 
     @property
     def leakage_gain(self) -> float:
@@ -170,13 +200,13 @@ def _search(
     return _minimum(plain, noise, data, np.concatenate([device, own.ravel()]))
 
 
-def _held_out(item: ReflectorCapture, fit: _Fit, noise: MeasuredNoise) -> float:
-    """Return the residual of a capture over the noise: the device is held, what the capture leaves open is fitted."""
+def _held_out(item: ReflectorCapture, fit: _Fit, noise: MeasuredNoise) -> CaptureResidual:
+    """Return the residual of a capture: the device is held, what the capture leaves open is fitted."""
     model = DeviceModel(fit.model.radar, [item], fit.model.settings, fit.model.noise, fit.model.device)
     data = np.array([mean_of(item, fit.model.radar)])
     own = first_guess(model, data, fit.device)[1]
     found = _minimum(model, noise, data, np.concatenate([fit.device, own.ravel()]), fixed=len(fit.device))
-    return float(found.rms[0])
+    return found.residuals()[0]
 
 
 def _minimum(
@@ -184,7 +214,7 @@ def _minimum(
 ) -> _Fit:
     """Search from a start; the first `fixed` parameters of the device keep their values."""
     count = len(model.device)
-    spread = np.array([item.std for item in model.device] + [one.std for own in model.of_captures for one in own])
+    spread = np.concatenate([part.ravel() for part in model.known])
     prior = np.where(np.isfinite(spread), 1.0 / np.maximum(spread, 1e-12), 0.0)
     has_prior = np.flatnonzero(prior[fixed:])
 

@@ -27,6 +27,8 @@ Complex = npt.NDArray[np.complex128]
 OF_CAPTURE = ("x", "y", "z", "level_db", "phase_deg")
 """What each capture leaves open: where the reflector is beside the survey [m], its level beside what is expected [dB],
 and its phase."""
+PULLED = OF_CAPTURE[:4]
+"""Of it, what is stated with a standard deviation."""
 COUPLING = "_coupling_"
 """In the names of parameters of coupling: ``rx_coupling_i[0,1]`` and ``..._q[0,1]`` are the real and imaginary part."""
 STEPS = {"m": 1e-6, "dB": 1e-3, "deg": 1e-2, "noise": 1e-2, "": 1e-3}
@@ -115,6 +117,32 @@ class DeviceModel:
             ]
             for item in self.captures
         ]
+
+    @property
+    def known(self) -> tuple[Array, Array]:
+        """Standard deviations known beforehand, of the device (num_device,) and of captures (num_captures, 5)."""
+        own = [[one.std for one in items] for items in self.of_captures]
+        return np.array([item.std for item in self.device]), np.array(own)
+
+    def pulls(self, device: Array, own: Array) -> tuple[Array, Array]:
+        """Return how far a fit moves what was stated, over its stated standard deviation.
+
+        Parameters
+        ----------
+        device : ndarray of float64, shape (num_device,)
+        own : ndarray of float64, shape (num_captures, 5)
+
+        Returns
+        -------
+        tuple of ndarray of float64, shapes (num_device,) and (num_captures, 5)
+            NaN where nothing is known beforehand, or all.
+        """
+        pairs = zip((device, own), self.known, strict=True)
+        device, own = (
+            np.where(np.isfinite(std) & (std > 0.0), moved / np.where(std > 0.0, std, 1.0), np.nan)
+            for moved, std in pairs
+        )
+        return device, own
 
     def index(self, name: str) -> int | None:
         """Return the place of a parameter of the device, or None if it is not fitted."""

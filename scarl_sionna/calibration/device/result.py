@@ -19,7 +19,7 @@ from scarl_sionna.core.specs.radar.impairments import ChannelErrors, Leakage
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import watt_to_dbm
 
-from .model import COUPLING, OF_CAPTURE, DeviceModel
+from .model import COUPLING, OF_CAPTURE, PULLED, DeviceModel
 from .noise import MeasuredNoise
 
 if TYPE_CHECKING:
@@ -32,6 +32,9 @@ NOT_IDENTIFIED = 0.9
 neither if they alone tell less than was known before."""
 SIGNIFICANT = 3.0
 """Imbalance of I and Q and a constant enter the specification from so many standard deviations on."""
+LARGE_PULL = 4.0
+"""What is fitted more than this many of its stated standard deviations from where it was stated was stated wrongly: of
+forty right ones one is in 400 fits."""
 _MARGIN = 0.2
 """Part of a figure's height above the highest point."""
 
@@ -46,11 +49,14 @@ class CaptureResidual:
     held_out : bool
     over_noise : float
         Root mean square over that of the noise, dimensionless: 1 where the device does just what the fit says.
+    pulls : tuple of float
+        Of x, y, z and level: fitted minus stated over the stated standard deviation; NaN where that is 0.
     """
 
     name: str
     held_out: bool
     over_noise: float
+    pulls: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,6 +89,8 @@ class DeviceFit(Described):
         Noise over frequency, or range, beside its mean [dB].
     residuals : tuple of CaptureResidual
         Of all captures, held-out ones too, in their order.
+    pulls : ndarray of float64, shape (num_parameters,)
+        Of antenna places and coupling: fitted minus stated over the stated standard deviation; NaN for the rest.
     """
 
     radar: RadarSpec
@@ -99,6 +107,7 @@ class DeviceFit(Described):
     noise_figure_std_db: float
     noise_floor_db: Array
     residuals: tuple[CaptureResidual, ...]
+    pulls: Array
 
     @classmethod
     def of(
@@ -118,6 +127,9 @@ class DeviceFit(Described):
         covariance, alone = covariances
         count = len(device)
         misfit = max([1.0, *(item.over_noise for item in residuals if not item.held_out)])
+        pulls = model.pulls(device, own)
+        pull = float(np.nanmax(np.abs(np.concatenate([part.ravel() for part in pulls])), initial=0.0))
+        misfit = max(misfit, pull if pull > LARGE_PULL else 1.0)
         std = misfit * np.sqrt(np.diag(covariance))
         weak = [
             item.name
@@ -145,6 +157,7 @@ class DeviceFit(Described):
             noise_figure_std_db=figure_std,
             noise_floor_db=noise.floor_db(),
             residuals=tuple(residuals),
+            pulls=pulls[0],
         )
 
     @property
@@ -152,9 +165,25 @@ class DeviceFit(Described):
         """95 % intervals in the units of the parameters, shape (num_parameters, 2).
 
         By the noise that was measured and what was stated to be known; widened where a fitted capture's residual is
-        above the noise.
+        above the noise, and by the largest pull of what is fitted, if it is above 4.
         """
         return np.stack([self.values - INTERVAL * self.std, self.values + INTERVAL * self.std], axis=1)
+
+    @property
+    def all_pulls(self) -> dict[str, float]:
+        """Fitted minus stated over the stated standard deviation, as ``captures[0].x``, ``tx_y[1]``."""
+        return {**self._pulls_of_captures(False), **self._pulls_of_captures(True), **self._pulls_of_device()}
+
+    def _pulls_of_device(self) -> dict[str, float]:
+        return {name: float(pull) for name, pull in zip(self.names, self.pulls, strict=True) if np.isfinite(pull)}
+
+    def _pulls_of_captures(self, held_out: bool) -> dict[str, float]:
+        return {
+            f"captures[{number}].{word}": pull
+            for number, item in enumerate(self.residuals)
+            for word, pull in zip(PULLED, item.pulls, strict=True)
+            if item.held_out == held_out and np.isfinite(pull)
+        }
 
     def __getitem__(self, name: str) -> float:
         """Return the estimate of a parameter.
@@ -179,14 +208,24 @@ class DeviceFit(Described):
             found = [item.over_noise for item in self.residuals if item.held_out == held_out]
             if found:
                 yield f"residual over noise, {kind}", f"{min(found):.3f} to {max(found):.3f}"
+            pulls = self._pulls_of_captures(held_out) | ({} if held_out else self._pulls_of_device())
+            if pulls:
+                worst = max(pulls, key=lambda name: abs(pulls[name]))
+                yield f"largest pull, {kind}", f"{pulls[worst]:+.3g} ({worst})"
 
     def summary(self) -> dict[str, Any]:
         """Return the numbers as plain data."""
         return {
             "parameters": {
-                name: {"value": float(value), "unit": unit, "std": _finite(std), "interval_95": [*map(_finite, ends)]}
-                for name, unit, value, std, ends in zip(
-                    self.names, self.units, self.values, self.std, self.intervals, strict=True
+                name: {
+                    "value": float(value),
+                    "unit": unit,
+                    "std": _finite(std),
+                    "interval_95": [*map(_finite, ends)],
+                    "pull": _finite(pull),
+                }
+                for name, unit, value, std, ends, pull in zip(
+                    self.names, self.units, self.values, self.std, self.intervals, self.pulls, strict=True
                 )
             },
             "not_identified": list(self.not_identified),
@@ -197,7 +236,13 @@ class DeviceFit(Described):
                 for (az, el), level, std in zip(self.directions_deg, self.levels_db, self.level_std_db, strict=True)
             ],
             "residuals": [
-                {"name": item.name, "held_out": item.held_out, "over_noise": item.over_noise} for item in self.residuals
+                {
+                    "name": item.name,
+                    "held_out": item.held_out,
+                    "over_noise": item.over_noise,
+                    "pulls": dict(zip(PULLED, map(_finite, item.pulls), strict=True)),
+                }
+                for item in self.residuals
             ],
         }
 
