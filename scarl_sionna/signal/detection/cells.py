@@ -63,6 +63,15 @@ class Cells:
         """Return cells with the offsets that their neighbours' powers tell; 0 over slow time of a single chirp."""
         return cls(rd, row, column, peak_offsets(rd, power, (row, column)), np.zeros(len(row), dtype=np.int64))
 
+    @classmethod
+    def joined(cls, first: Cells, second: Cells) -> Cells:
+        """Return the targets of both, of one map; their channels' values are those of the map."""
+        row, column, fold = (
+            np.concatenate([getattr(part, name) for part in (first, second)]) for name in ("row", "column", "fold")
+        )
+        offset = tuple(np.concatenate(axes) for axes in zip(first.offset, second.offset, strict=True))
+        return replace(first, row=row, column=column, offset=(offset[0], offset[1]), fold=fold, own=None)
+
     def select(self, index: npt.NDArray[np.integer] | npt.NDArray[np.bool_]) -> Cells:
         """Return some of the targets."""
         offset = (self.offset[0][index], self.offset[1][index])
@@ -204,10 +213,9 @@ def at_targets(
     column = np.rint(beat).astype(np.int64)
     offset, snapshot, noise = np.empty((2, len(beat))), np.empty((len(beat), len(rd.data)), dtype=np.complex128), []
     block = max(1, _VALUES_A_BLOCK // (len(rd.data) * len(axes[0].offset) * len(axes[1].offset)))
-    turns = _turns(cells, cells.doppler) * _carriers(cells, beat)
     for first in range(0, len(beat), block):
         own = slice(first, first + block)
-        values = _patches(data, cells.row[own], column[own], axes) * turns[own].T[:, :, None, None]
+        values = patches(cells.select(np.arange(len(beat))[own]), data)
         beam = np.einsum("nc,cnab->nab", weights[own], values)
         beam_noise = noise_power * np.sum(np.abs(weights[own]) ** 2, axis=1)
         tone = fit_tones(beam, beam_noise, *axes, (cells.offset[0][own], (beat - column)[own]))
@@ -223,14 +231,18 @@ def at_targets(
     return moved, snapshot, np.concatenate([*noise, np.zeros(0)])
 
 
-def _patches(
-    data: npt.NDArray[np.complex64], row: Index, column: npt.NDArray[np.int64], axes: tuple[ToneAxis, ToneAxis]
-) -> Phasors:
-    """Return the cells around some, shape (num_virtual, n, num_doppler_cells, num_range_cells), phases at mid-frame."""
-    rows = (row[:, None] + axes[0].offset) % data.shape[1]
-    columns = (column[:, None] + axes[1].offset) % data.shape[2]
-    values = data[:, rows[:, :, None], columns[:, None, :]]
-    return np.asarray(values * (axes[0].turn[:, None] * axes[1].turn))
+def patches(cells: Cells, data: npt.NDArray[np.complex64]) -> Phasors:
+    """Return the map around cells, at the offsets of :class:`~scarl_sionna.signal.detection.subbin.ToneAxis`.
+
+    Shape (num_virtual, num_targets, num_doppler_cells, num_range_cells) [sqrt(W)], with phases at the middle of the
+    frame and without what the targets' motion does between transmitters; by definition. `data` as for
+    :func:`at_targets`.
+    """
+    axes, beat = ToneAxis.of(cells.rd), beat_place(cells)
+    rows = (cells.row[:, None] + axes[0].offset) % data.shape[1]
+    columns = (np.rint(beat).astype(np.int64)[:, None] + axes[1].offset) % data.shape[2]
+    values = data[:, rows[:, :, None], columns[:, None, :]] * (axes[0].turn[:, None] * axes[1].turn)
+    return np.asarray(values * (_turns(cells, cells.doppler) * _carriers(cells, beat)).T[:, :, None, None])
 
 
 def range_gain(cells: Cells) -> Array:

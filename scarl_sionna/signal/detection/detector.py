@@ -14,11 +14,12 @@ from scarl_sionna.core.units import power_to_db
 
 from ..angle import RangeDopplerAngle, directions
 from ..direction.manifold import Manifold
-from ..direction.several import Method, check_method, pursue
+from ..direction.several import Directions, Method, check_method, pursue
 from ..noise import floor_of
 from ..processing import RangeDoppler, uncompensated
 from .ambiguity import unfolded
 from .beams import Beams, beams_above, is_peak, maxima
+from .beside import with_those_beside
 from .cells import Cells, at_targets, is_regular, straddle_gain
 from .cross_section import cross_section
 from .leakage import leaked_over_the_ends
@@ -27,6 +28,7 @@ from .stagger import is_staggered, resolved
 from .threshold import Options, Widths, cfar, fitting_window
 
 Array = npt.NDArray[np.float64]
+Phasors = npt.NDArray[np.complex128]
 
 
 class PointOptions(Options, total=False):
@@ -86,7 +88,11 @@ def detect(
     is found, and of the directions of a cell those stay that are within half a beamwidth of such a beam. The direction
     of a cell is the maximum of the beamformer (of spherical waves for what is closer than the Fraunhofer distance of
     the array); where more than noise is left, matching pursuit finds further ones
-    (:func:`~scarl_sionna.signal.direction.several.pursue`), and each is a point of its own. Range and velocity are
+    (:func:`~scarl_sionna.signal.direction.several.pursue`), and each is a point of its own, unless it turns out more
+    than 30 dB under the strongest of its cell. A target on the flank of a stronger one, up to two bins beside it, has
+    no maximum of that sum: with `peaks_only` and more than one direction it is looked for in what the stronger one's
+    direction leaves (:func:`~scarl_sionna.signal.detection.beside.with_those_beside`; maps of even chirps, a beamwidth
+    apart or more). Range and velocity are
     those of the tone that fits the cells around best (:func:`~scarl_sionna.signal.detection.subbin.fit_tones`);
     direction and power are taken there, between the bins.
     Of ramps with different carriers and of uneven chirps they come from the three largest cells. Time division tells
@@ -114,7 +120,7 @@ def detect(
     fitting = fitting_window((rd.data.shape[1], rd.data.shape[2]))
     peaks_only, unfold = options.pop("peaks_only", True), options.pop("unfold", True)
     most, per_beam = options.pop("most_directions", 3), options.pop("per_beam", False)
-    how = _How(most, unfold, options.pop("direction", "relax"))
+    how = _How(most, unfold, options.pop("direction", "relax"), peaks_only and most > 1)
     check_method(how.method, radar)
     if most < 1:
         raise ParameterRangeError("most_directions", most, ">= 1")
@@ -140,6 +146,7 @@ class _How(NamedTuple):
     most: int
     unfold: bool
     method: Method
+    beside: bool
 
 
 def _beams(rda: RangeDopplerAngle, above: npt.NDArray[np.bool_], manifold: Manifold, peaks_only: bool) -> Beams:
@@ -174,13 +181,21 @@ def _points(
         sines = manifold.refine(snapshot, beams.sines[beams.first], distance)
     beam = np.conj(manifold.phasors(sines, distance))
     located, snapshot, deviation = at_targets(cells, data, np.asarray(beam / radar.num_virtual), noise)
-    found = pursue(manifold, snapshot, located.distance, deviation, how.most, how.method)
-    located = located.select(found.cell)
+
+    def search(snapshot: Phasors, distance: Array, deviation: Array) -> Directions:
+        return pursue(manifold, snapshot, distance, deviation, how.most, how.method)
+
+    found = search(snapshot, located.distance, deviation)
+    if beams is None and how.beside and is_regular(rd.radar):
+        found, located = with_those_beside(manifold, found, located, data, noise, search)
+    else:
+        located = located.select(found.cell)
     if beams is not None:
         found, located = beams.own(found, located, manifold)
     located, snapshot, _ = at_targets(located, data, found.weights, noise)
-    amplitude = np.einsum("pc,pc->p", found.weights, snapshot)
-    return _table(rda, radar, located, found.sines, np.abs(amplitude) ** 2)
+    received = np.abs(np.einsum("pc,pc->p", found.weights, snapshot)) ** 2
+    kept = found.is_within_range(received)
+    return _table(rda, radar, located.select(kept), found.sines[kept], received[kept])
 
 
 def _table(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, sines: Array, received: Array) -> RadarPoints:

@@ -56,6 +56,30 @@ class Directions:
         """Return some of the directions."""
         return Directions(self.cell[index], self.sines[index], self.amplitude[index], self.weights[index])
 
+    @classmethod
+    def joined(cls, parts: list[Directions]) -> Directions:
+        """Return the directions of all parts in the order of their cells."""
+        cell = np.concatenate([part.cell for part in parts])
+        order = np.argsort(cell, kind="stable")
+        sines, amplitude, weights = (
+            np.concatenate([getattr(part, name) for part in parts])[order] for name in ("sines", "amplitude", "weights")
+        )
+        return cls(cell[order], sines, amplitude, weights)
+
+    @property
+    def is_first(self) -> npt.NDArray[np.bool_]:
+        """Which directions are the strongest of their cell, shape (num_directions,)."""
+        return np.asarray(np.diff(self.cell, prepend=-1) > 0)
+
+    def is_within_range(self, power: Array) -> npt.NDArray[np.bool_]:
+        """Return which directions of powers (num_directions,) are the first or not too far under their cell's largest.
+
+        Too far is :data:`DYNAMIC_RANGE_DB`, by the powers given, which may be measured anew [W].
+        """
+        largest = np.zeros(int(self.cell.max(initial=-1)) + 1)
+        np.maximum.at(largest, self.cell, power)
+        return np.asarray(self.is_first | (power > 10.0 ** (-DYNAMIC_RANGE_DB / 10.0) * largest[self.cell]))
+
 
 def check_method(method: str, radar: RadarSpec) -> None:
     """Raise if there is no such method, or not for the virtual array of a radar.
@@ -250,11 +274,4 @@ def _joined(parts: list[Directions], count: int) -> Directions:
     last = np.zeros(count, dtype=np.int64)
     for number, part in enumerate(parts):
         last[part.cell] = number
-    kept = [last[part.cell] == number for number, part in enumerate(parts)]
-    cell = np.concatenate([part.cell[keep] for part, keep in zip(parts, kept, strict=True)])
-    order = np.argsort(cell, kind="stable")
-    sines, amplitude, weights = (
-        np.concatenate([getattr(part, name)[keep] for part, keep in zip(parts, kept, strict=True)])[order]
-        for name in ("sines", "amplitude", "weights")
-    )
-    return Directions(cell[order], sines, amplitude, weights)
+    return Directions.joined([part.select(last[part.cell] == number) for number, part in enumerate(parts)])
