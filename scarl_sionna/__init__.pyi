@@ -95,8 +95,7 @@ from .scene.document.staging import StagedActor
 from .signal.angle import range_doppler_angle
 from .signal.converter import quantize
 from .signal.detection import detect
-from .signal.detection.closed_map import map_of_frame
-from .signal.detection.map_peaks import peaks_of_map
+from .signal.detection.map_peaks import map_of_frame, peaks_of_map
 from .signal.mitigation.hits import find_hits
 from .signal.mitigation.repair import mitigate
 from .signal.processing import range_doppler, virtual_cube

@@ -14,8 +14,7 @@ from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.units import power_to_db
 from scarl_sionna.dataset.derived.lidar_points import world_points
 from scarl_sionna.dataset.derived.radar_points import sensed_points
-from scarl_sionna.signal.detection.closed_map import map_of_frame
-from scarl_sionna.signal.detection.map_peaks import peaks_of_map
+from scarl_sionna.signal.detection.map_peaks import map_of_frame, peaks_of_map
 
 from .source import FrameSource, SceneFrames
 

@@ -22,7 +22,7 @@ from scarl_sionna.radar.link import path_amplitude
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
 from scarl_sionna.signal.angle import RangeDopplerAngle
-from scarl_sionna.signal.detection.closed_map import with_axes
+from scarl_sionna.signal.detection.map_peaks import with_axes
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
