@@ -33,14 +33,14 @@ weights, so that nothing jumps when things move."""
 
 
 class Kind(IntEnum):
-    """Of a row: how it was made."""
+    """Of a row: how it was made; rows are sorted by it, what is coherent first."""
 
     TRACED = 0
-    ROUGH = 1
-    """What a rough surface scatters, with a random phase."""
-    ROUGH_REVERSED = 2
-    REVERSED = 3
+    REVERSED = 1
     """The other sense of a traced row."""
+    ROUGH = 2
+    """What a rough surface scatters, with a random phase."""
+    ROUGH_REVERSED = 3
     DOUBTFUL = 4
     """Traced, but it ends at a face that is wider than the first: taken where there is no reversed row for it."""
 
