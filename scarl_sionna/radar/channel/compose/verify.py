@@ -344,11 +344,8 @@ class _Work:
         rows = np.isin(first, numbers) & ~np.isin(last, numbers) & (before.instance[:, 0] != first)
         if not rows.any():
             return rows
-        chains, which = np.unique(before.instance[rows], axis=0, return_inverse=True)
-        there = {
-            _chain(row) for row in np.unique(found.instance[np.isin(owners(found, self.numbers), numbers)], axis=0)
-        }
-        rows[rows] = np.array([_chain(row) not in there for row in chains])[which.ravel()]
+        there = found.instance[np.isin(owners(found, self.numbers), numbers)]
+        rows[rows] = ~_among(before.instance[rows], there)
         return rows
 
     def _twins(
@@ -364,9 +361,7 @@ class _Work:
         rows = np.flatnonzero((found.depth > 1) & ~found.filled("random_phase"))
         ended = np.zeros(found.num_paths, dtype=np.bool_)
         if twins.any() and len(rows):
-            known = {_chain(row) for row in np.unique(before.instance[twins & ~before.filled("random_phase")], axis=0)}
-            chains, which = np.unique(found.instance[rows], axis=0, return_inverse=True)
-            ended[rows] = np.array([_chain(row) in known for row in chains])[which.ravel()]
+            ended[rows] = _among(found.instance[rows], before.instance[twins & ~before.filled("random_phase")])
         return twins, ended
 
     def _compare(self, numbers: Sequence[int], levels: Mapping[int, float], errors: Mapping[int, float]) -> None:
@@ -377,6 +372,13 @@ class _Work:
             error = float(np.hypot(fit.looked_at * errors[number], fit.difference * difference))
             result.differences[number] = difference
             result.errors[number] = self.undoubted[number] = error
+
+
+def _among(chains: npt.NDArray[np.int32], others: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+    """Return which chains of instances (n, depth) are among others (m, depth), whatever the depths."""
+    known = {_chain(row) for row in np.unique(others, axis=0)}
+    rows, which = np.unique(chains, axis=0, return_inverse=True)
+    return np.array([_chain(row) in known for row in rows], dtype=np.bool_)[which.ravel()]
 
 
 def _chain(row: npt.NDArray[np.int32]) -> tuple[int, ...]:

@@ -20,7 +20,6 @@ from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.radar.channel.band_mean import mean_over_band
 
 Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 Columns = dict[str, npt.NDArray[Any]]
 
 WIDER = 2.0
@@ -116,12 +115,13 @@ def decided(columns: Columns, radar: RadarSpec) -> Array:
     radar : RadarSpec
         Over whose band powers are compared.
     """
-    kind, chain = columns["kind"], np.column_stack([columns["instance"], columns["depth"]])
+    kind = columns["kind"]
     rows = np.flatnonzero(np.isin(kind, (Kind.REVERSED, Kind.DOUBTFUL)))
     weight = np.ones(len(kind))
     if not len(rows):
         return weight
-    chains, place = np.unique(chain[rows], axis=0, return_inverse=True)
+    chain = np.column_stack([columns["instance"][rows], columns["depth"][rows]])
+    chains, place = np.unique(chain, axis=0, return_inverse=True)
     is_doubtful = kind[rows] == Kind.DOUBTFUL
     field, length = columns["a"][rows, 0, 0], columns["length"][rows]
     power = mean_over_band(field, length, 2 * place.ravel() + is_doubtful, radar)

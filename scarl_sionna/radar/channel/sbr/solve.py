@@ -357,9 +357,10 @@ class _Solve:
         for depth in sorted(self.rough):
             blocks += _scattered(self.rough.pop(depth), knobs.seed, tx is rx)
         columns = joined(blocks, knobs.max_depth)
-        weight = decided(columns, bodies.radar)
-        columns["a"] *= weight[:, None, None]
-        columns = taken(columns, weight > 0.0)
+        if self.has_reverse:
+            weight = decided(columns, bodies.radar)
+            columns["a"] *= weight[:, None, None]
+            columns = taken(columns, weight > 0.0)
         amplitude = received(columns, bodies.radar, tx, rx)
         diagnostics: dict[str, Any] = {
             "method": "sbr",
