@@ -1,4 +1,4 @@
-"""Bounces between a wide flat side and a narrow or curved body: both senses are those of image theory."""
+"""Bounces between a wide flat side and a narrow or curved body, and there and back: those of image theory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.channel.compose.expected_error import mean_power
 from scarl_sionna.radar.channel.sbr import senses
-from tests.scenes import Thing, ball, box, write_scene
+from tests.scenes import DEFAULT_MATERIALS, Material, Thing, ball, box, write_scene
 
 pytestmark = pytest.mark.filterwarnings("ignore::scarl_sionna.ScarlWarning")
 
@@ -22,6 +22,10 @@ POSE = Pose([0.0, 0.0, 0.8])
 PLACE = (16.0, 0.0, 0.8)
 SIDE = box((12.0, 0.2, 3.6), (8.0, 4.1, 0.8))
 KNOBS = {"max_phase": 0.5, "max_depth": 2, "floor_db": None}
+THERE_AND_BACK = (1, 2, 1)
+SIDES = ("Wall", "Truck")
+"""The first is a mirror of `hybrid`, the second is not."""
+MATERIALS = {**DEFAULT_MATERIALS, "smooth": Material(radio="glass")}
 
 
 def turned_box() -> trimesh.Trimesh:
@@ -68,6 +72,88 @@ def test_both_senses_are_those_of_the_side_as_a_mirror(tmp_path, body: str, monk
     as_traced = senses_db(tmp_path / "traced", BODIES[body], "Truck")
     assert as_traced[0] == pytest.approx(found[0], abs=1e-9)
     assert abs(as_traced[1] - mirror[1]) > 4.0
+
+
+def there_and_back(folder, things, side_class: str, material: str = "steel", pose: Pose = POSE) -> ss.RadarPaths:
+    """Return the paths side, body, side: by image theory if the side is a wall."""
+    things = [Thing("side", SIDE, side_class, material), *things]
+    state = load_scene(write_scene(folder, things, materials=MATERIALS)).at(0.0)
+    knobs = KNOBS | {"max_depth": 3}
+    if side_class == "Wall":
+        plan = ChannelPlan((Share("sbr", ("body",), knobs, through_mirrors=True),), ("side",), echoes=False)
+        paths = solve_paths(state, RADAR, pose, "hybrid", plan=plan, max_distance=30.0)
+    else:
+        paths = solve_paths(state, RADAR, pose, "sbr", sbr=knobs, max_distance=30.0)
+    return paths.select((paths.depth == 3) & (paths.instance[:, :3] == THERE_AND_BACK).all(axis=1))
+
+
+def mean_db(paths: ss.RadarPaths) -> float:
+    group = np.zeros(paths.num_paths, dtype=np.int64)
+    return 10.0 * float(np.log10(max(mean_power(paths, RADAR, np.arange(len(group)), group, 1, 64)[0], 1e-30)))
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_there_and_back_over_a_side_is_that_over_a_mirror(tmp_path, body: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The body is in the middle of the chain: it was 5 dB too strong, 15 dB too weak, and not there at all."""
+    things = [Thing("body", BODIES[body], "Static", "steel")]
+    mirror = there_and_back(tmp_path / "wall", things, "Wall")
+    found = there_and_back(tmp_path / "lorry", things, "Truck")
+    assert mean_db(found) == pytest.approx(mean_db(mirror), abs=0.2)
+    assert (found.interaction[:, 1] == mirror.interaction[0, 1]).all() and not found.filled("random_phase").any()
+    assert set(found.semantic.tolist()) == {semantic_id("Truck")}
+    monkeypatch.setattr(senses, "WIDER", np.inf)
+    assert abs(mean_db(there_and_back(tmp_path / "traced", things, "Truck")) - mean_db(mirror)) > 4.0
+
+
+def in_phase(paths: ss.RadarPaths, later: float = 0.0) -> np.ndarray:
+    """Return the sum of the fields at the middle of the band, some seconds later by their rates."""
+    wavenumber = 2.0 * np.pi * RADAR.center_frequency / 299_792_458.0
+    length = paths.length + later * paths.length_rate
+    return np.einsum("nij,n->ij", paths.a, np.exp(-1j * wavenumber * length))
+
+
+def test_all_polarisations_go_there_and_back(tmp_path) -> None:
+    """A radar on its side by 30 deg, and a side of glass, which takes more off one polarisation than off the other."""
+    roll = trimesh.transformations.rotation_matrix(np.radians(30.0), (1.0, 0.0, 0.0))[:3, :3]
+    pose = Pose.from_rotation(POSE.position, roll)
+    things = [Thing("body", post(), "Static", "steel")]
+    mirror, found = (
+        in_phase(there_and_back(tmp_path / name, things, name, material="smooth", pose=pose)) for name in SIDES
+    )
+    assert np.abs(found - mirror).max() < 0.03 * np.abs(mirror).max()
+    assert abs(mirror[0, 1]) > 0.1 * np.abs(mirror).max()
+    assert found[0, 1] == pytest.approx(found[1, 0], rel=1e-9)
+
+
+def test_what_rough_bodies_scatter_goes_there_and_back(tmp_path) -> None:
+    """Off the specular ring of a rough rod that alone is there, with a random phase."""
+    lean = trimesh.transformations.rotation_matrix(0.3, (1.0, -0.7, 0.0))
+    mesh = trimesh.creation.cylinder(0.06, height=0.5, sections=24)
+    mesh.apply_transform(trimesh.transformations.translation_matrix((10.0, 1.0, 1.1)) @ lean)
+    things = [Thing("body", mesh, "Static", "grey")]
+    power = []
+    for paths in (there_and_back(tmp_path / name, things, name) for name in SIDES):
+        rough = paths.a[paths.filled("random_phase")]
+        power.append(np.einsum("nij,nij->ij", rough, rough.conj()).real)
+    np.testing.assert_allclose(power[1], power[0], rtol=0.01)
+
+
+def test_rates_there_and_back_are_those_of_the_length(tmp_path) -> None:
+    """The phase of a ball 0.1 ms later; by the wrong rate it would be off by radians."""
+    later, knobs = 1e-4, KNOBS | {"max_depth": 3}
+    trajectory = {"kind": "constant_twist", "position": list(PLACE), "velocity": [30.0, 5.0, 2.0]}
+    actors = [Thing("body", ball(0.3, subdivisions=4), "Car", "steel", trajectory)]
+    world = load_scene(write_scene(tmp_path, [Thing("side", SIDE, "Truck", "steel")], actors))
+    one, other = (solve_paths(world.at(t), RADAR, POSE, "sbr", sbr=knobs, max_distance=30.0) for t in (0.0, later))
+    one, other = (
+        paths.select((paths.depth == 3) & (paths.instance[:, :3] == THERE_AND_BACK).all(axis=1))
+        for paths in (one, other)
+    )
+    np.testing.assert_array_equal(one.filled("tx_velocity"), one.filled("rx_velocity"))
+    np.testing.assert_array_equal(one.tx_point, one.rx_point)
+    turned = np.angle(in_phase(one, later)[0, 0] / in_phase(one)[0, 0])
+    assert abs(turned) > 0.5
+    assert abs(in_phase(other)[0, 0] / in_phase(one, later)[0, 0] - 1.0) < 0.05
 
 
 def test_the_reverse_has_the_ends_exchanged(tmp_path) -> None:

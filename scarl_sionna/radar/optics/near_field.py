@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -67,7 +66,9 @@ class NearField:
         return [(is_curved, tubes.take(np.flatnonzero(rows))) for is_curved, rows in kinds if rows.any()]
 
 
-def radiated(near: Sequence[NearField], tubes: Sequence[ImageTubes]) -> list[dict[str, npt.NDArray[Any]]]:
+def radiated(
+    near: Sequence[NearField], tubes: Sequence[ImageTubes], same_way: bool = False
+) -> list[dict[str, npt.NDArray[Any]]]:
     r"""Return the columns of patches: end points, transfer, lengths, rate and what diffuse scattering needs.
 
     One kernel serves patches of any number of bounces and all stations; there is one more for those on curved faces.
@@ -79,6 +80,8 @@ def radiated(near: Sequence[NearField], tubes: Sequence[ImageTubes]) -> list[dic
     tubes : sequence of ImageTubes
         The patches of each, over each of which the phase is all but linear, all of one number of bounces and one of
         :meth:`NearField.kinds`.
+    same_way : bool
+        Heard by the transmitter over the mirrors on the way there: all ends of such patches are their images.
 
     Returns
     -------
@@ -119,7 +122,8 @@ def radiated(near: Sequence[NearField], tubes: Sequence[ImageTubes]) -> list[dic
     whole = tubes[0].joined(list(tubes))
     if len(whole) == 1:  # Dr.Jit has kernels of their own for arrays of one number
         whole, pair = whole.take(np.zeros(2, dtype=np.int64)), np.repeat(pair, 2)
-    columns = {name: np.split(column[: ends[-1]], ends[:-1]) for name, column in _radiated(near, whole, pair).items()}
+    found = _radiated(near, whole, pair, same_way)
+    columns = {name: np.split(column[: ends[-1]], ends[:-1]) for name, column in found.items()}
     return [{name: pieces[number] for name, pieces in columns.items()} for number in range(len(near))]
 
 
@@ -138,8 +142,32 @@ class _Ends:
         self.drift = at([station.drift for station in stations])
 
 
+class _WayBack(NamedTuple):
+    """Of the waves from patches to where they are heard.
+
+    Attributes
+    ----------
+    receiver : Dr.Jit Array3f64
+        Place of the receiver, or of its image, seen from the patch [m].
+    point : Dr.Jit Array3f64
+        The patch, or its image, seen from the receiver [m].
+    velocity : Dr.Jit Array3f64
+        Of this point against the receiver [m/s].
+    passed : Dr.Jit Array3f64
+        The same as far as the size of patches goes [m/s].
+    ray : Dr.Jit Array3f64
+        Unit direction from the receiver to the point.
+    """
+
+    receiver: DeviceArray
+    point: DeviceArray
+    velocity: DeviceArray
+    passed: DeviceArray
+    ray: DeviceArray
+
+
 def _radiated(
-    nears: Sequence[NearField], tubes: ImageTubes, pair: npt.NDArray[np.int64]
+    nears: Sequence[NearField], tubes: ImageTubes, pair: npt.NDArray[np.int64], same_way: bool
 ) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of at least two patches, each between the stations of the field that `pair` names."""
     near, count = nears[0], len(tubes)
@@ -153,24 +181,29 @@ def _radiated(
     face, image, (normal, _) = chain.face(chain.last), chain.image(chain.last), chain.plane(chain.last)
     moving = surfaces.velocity(face, center)
     seen, seen_velocity = chain.unfolded(center, moving)
-    first, back = dr.normalize(seen - tx.position), dr.normalize(rx.position - center)
+    first = dr.normalize(seen - tx.position)
     sent = [(axis, dr.zeros(rays.Vector, count)) for axis in _spherical_basis(rays, tx.axes, first)]
     sent, _ = through_panes(rays, surfaces, tubes.way_in, sent, first)
     field = chain.reflected(seen, sent)
     arriving = dr.normalize(center - image)
     normal = normal * -dr.sign(dr.dot(normal, arriving))
     reflected, onward = _bounced(on, surfaces, face, field, arriving, normal)
-    tx_velocity, rx_velocity = seen_velocity - tx.velocity, moving - rx.velocity
+    tx_velocity = seen_velocity - tx.velocity
+    if same_way:  # the receiver is the image in which the transmitter is seen from the patch
+        way = _WayBack(image, seen, tx_velocity, seen_velocity - tx.drift, first)
+    else:
+        way = _WayBack(rx.position, center, moving - rx.velocity, moving - rx.drift, dr.normalize(center - rx.position))
+    back = dr.normalize(way.receiver - center)
     oblique, edges = None, []
-    out, home = dr.norm(center - image), dr.norm(rx.position - center)
-    ends = image, rx.position
+    out, home = dr.norm(center - image), dr.norm(way.receiver - center)
+    ends = image, way.receiver
     if near.curves is not None and near.curves.curved.is_curved[tubes.face[0, -1]]:
         integral = near.curves.spherical_wave_integral(face, corner, ends, normal, wavenumber, integration_phase)
     else:
         duration = rays.real(near.duration)
         passing = [
             (duration * (seen_velocity - tx.drift), first, out),
-            (duration * (moving - rx.drift), back, home),
+            (duration * way.passed, way.ray, home),
         ]
         flat = Ends(
             corner, *ends, wavenumber, steady_slope(dr, wavenumber, passing, rays.real(near.max_turn or STEADY))
@@ -183,10 +216,10 @@ def _radiated(
     factor = (integral[1] * scale, -integral[0] * scale)  # -j times the integral
     columns: dict[str, Any] = {
         "tx_point": seen,
-        "rx_point": center,
+        "rx_point": way.point,
         "tx_velocity": tx_velocity,
-        "rx_velocity": rx_velocity,
-        "length_rate": dr.dot(first, tx_velocity) - dr.dot(back, rx_velocity),
+        "rx_velocity": way.velocity,
+        "length_rate": dr.dot(first, tx_velocity) + dr.dot(way.ray, way.velocity),
         "length": out + home,
         "cosine": dr.abs(dr.dot(normal, back)),
     }
@@ -194,18 +227,23 @@ def _radiated(
         columns |= {f"edge{number}": dr.select(oblique, re, 0.0), f"edge{number}j": dr.select(oblique, im, 0.0)}
     if oblique is not None:
         columns["oblique"] = oblique
-    receive = _spherical_basis(rays, rx.axes, -back)
     vector = radiating_vector(on, Wave(field, arriving), Wave(reflected, onward), normal, back)
-    vector, kept_out = through_panes(rays, surfaces, tubes.way_out, vector, back)
-    for r in range(2):
-        for t, (re, im) in enumerate(on.component(receive[r], vector)):
-            columns[f"re{r}{t}"] = re * factor[0] - im * factor[1]
-            columns[f"im{r}{t}"] = re * factor[1] + im * factor[0]
+    if same_way:  # reciprocity: what the way there makes of a polarisation sent is what is heard of it
+        kept_out, receive = 1.0, field
+    else:
+        vector, kept_out = through_panes(rays, surfaces, tubes.way_out, vector, back)
+        receive = [(axis, dr.zeros(rays.Vector, count)) for axis in _spherical_basis(rays, rx.axes, -back)]
+    for r, (real, imaginary) in enumerate(receive):
+        parts = on.component(real, vector), on.component(imaginary, vector)
+        for t, ((re, im), (turned, gone)) in enumerate(zip(*parts, strict=True)):
+            columns[f"re{r}{t}"] = (re - gone) * factor[0] - (im + turned) * factor[1]
+            columns[f"im{r}{t}"] = (re - gone) * factor[1] + (im + turned) * factor[0]
     incidence = dr.abs(dr.dot(normal, arriving))
     strayed, *turn = surfaces.scattered(face, incidence, columns["cosine"])
     cosines = incidence * columns["cosine"] / np.pi
     level = 0.5 / wavenumber / (out * home) * kept_out * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
-    columns |= _scattered(dr, _spherical_basis(rays, tx.axes, arriving), field, level, turn)
+    basis = _spherical_basis(rays, tx.axes, arriving)
+    columns |= _scattered(on, basis, field, level, turn, field if same_way else None)
     with many_threads(count):
         dr.eval(*columns.values())
     found = {name: rays.on_host(column) for name, column in columns.items()}
@@ -307,19 +345,30 @@ def _matrices(found: dict[str, npt.NDArray[Any]], real: str, imaginary: str) -> 
 
 
 def _scattered(
-    dr: ModuleType,
+    on: OnDevice,
     basis: tuple[DeviceArray, DeviceArray],
     field: Field,
     level: DeviceArray,
     turn: list[DeviceArray],
+    heard: Field | None,
 ) -> dict[str, DeviceArray]:
-    """Return the entries of the transfer by diffuse scattering of 1 m2; the polarisation is turned as in Sionna RT."""
+    """Return the entries of the transfer by diffuse scattering of 1 m2; the polarisation is turned as in Sionna RT.
+
+    `heard` are the fields here of what the receiver would send; it is along the basis if left out.
+    """
+    sent = [on.component(axis, field) for axis in basis]
+    back = None if heard is None else [on.component(axis, heard) for axis in basis]
     found: dict[str, DeviceArray] = {}
-    for t in range(2):
-        for name, part in zip(("sre", "sim"), field[t], strict=True):
-            vertical, horizontal = dr.dot(basis[0], part), dr.dot(basis[1], part)
-            found[f"{name}0{t}"] = level * (turn[0] * vertical - turn[1] * horizontal)
-            found[f"{name}1{t}"] = level * (turn[1] * vertical + turn[0] * horizontal)
+    for t, ((re, im), (other_re, other_im)) in enumerate(zip(*sent, strict=True)):
+        strayed = [
+            (turn[0] * re - turn[1] * other_re, turn[0] * im - turn[1] * other_im),
+            (turn[1] * re + turn[0] * other_re, turn[1] * im + turn[0] * other_im),
+        ]
+        for r, entry in enumerate(strayed):
+            if back is not None:
+                along = [on.times(back[axis][r], [strayed[axis]])[0] for axis in range(2)]
+                entry = along[0][0] + along[1][0], along[0][1] + along[1][1]
+            found[f"sre{r}{t}"], found[f"sim{r}{t}"] = level * entry[0], level * entry[1]
     return found
 
 

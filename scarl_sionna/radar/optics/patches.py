@@ -107,7 +107,7 @@ class PatchSize:
         source : ndarray of float64, shape (num_rows, 3)
         rows : ndarray of int64, shape (num_patches,)
             Row of `source` of each patch.
-        receiver : ndarray of float64, shape (3,)
+        receiver : ndarray of float64, shape (3,) or (num_rows, 3)
         """
         if not len(rows):
             return np.zeros((0, 3))
@@ -116,8 +116,11 @@ class PatchSize:
             corner = on.corners(corners)
             center = (corner[0] + corner[1] + corner[2]) / 3.0
             row = on.index(rows)
+            image = dr.gather(Vector, on.reals(source), row)
+            own = receiver.ndim == 2
+            home = dr.gather(Vector, on.reals(receiver), row) if own else on.vector(receiver)
             legs, slopes, passing = [], [], []
-            for number, end in enumerate((dr.gather(Vector, on.reals(source), row), on.vector(receiver))):
+            for number, end in enumerate((image, home)):
                 leg = center - end
                 distance = dr.norm(leg)
                 legs.append((leg / distance, distance))
@@ -127,8 +130,7 @@ class PatchSize:
                     slopes.append((way - dr.dot(way, ray) * ray) / distance)
             longest = dr.opaque(Real, self.longest)
             steady = steady_slope(dr, self.wavenumber, passing, self.max_turn or STEADY) if passing else 0.0
-            image = dr.gather(Vector, on.reals(source), row)
-            ends = Ends(corner, image, on.vector(receiver), self.wavenumber, steady)
+            ends = Ends(corner, image, home, self.wavenumber, steady)
             by_area = dr.select(is_oblique(dr, ends), 0.0, Real(1.0))
             sides = [corner[(k + 1) % 3] - corner[k] for k in range(3)]
             found = [self._excess(dr, side, legs, longest, by_area * self.half_band) for side in sides]
@@ -217,7 +219,7 @@ def split(
     corners : ndarray of float64, shape (num_triangles, 3, 3)
     source : ndarray of float64, shape (num_triangles, 3) or (1, 3)
         Where the wave comes from (the transmitter or an image of it) [m, world]; one row is that of all.
-    receiver : ndarray of float64, shape (3,)
+    receiver : ndarray of float64, shape (3,) or (num_triangles, 3)
     size : PatchSize or EvenSize
     max_patches : int
     allowed : float

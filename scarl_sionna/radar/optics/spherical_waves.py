@@ -11,10 +11,10 @@ once a chain of faces is known, at the exact reflection points (:mod:`.near_fiel
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -76,6 +76,23 @@ class ImageTubes(Tubes):
         return self.face.shape[1]
 
 
+class Heard(NamedTuple):
+    """Patches that a receiver sees.
+
+    Attributes
+    ----------
+    receiver : int
+        Its number.
+    patches : ImageTubes
+    same_way : bool
+        Heard where the transmitter itself stands, over the mirrors on the way there: `way_in` is both ways.
+    """
+
+    receiver: int
+    patches: ImageTubes
+    same_way: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class StartFaces:
     """Pieces of faces, some patches large, from which first tubes are cut.
@@ -124,6 +141,11 @@ class Tracer:
         What lets waves through.
     velocity : ndarray of float64, shape (num_faces, 3), or None
         Of the faces' centres [m/s]; None: patches do not follow from motion.
+    narrow : NarrowBodies or None
+        Which no tube may miss.
+    same_way : callable, optional
+        From chains of faces (n, depth) to those after which a transmitter that receives hears the last one over the
+        others, too. Those that go on back over the same planes are left out then. Nothing is heard so if left out.
     count : Counter
         Tubes traced so far, by bounce.
     """
@@ -140,15 +162,16 @@ class Tracer:
     panes: Panes | None = None
     velocity: Array | None = None
     narrow: NarrowBodies | None = None
+    same_way: Callable[[Index], Mask] | None = None
     count: Counter[int] = field(default_factory=Counter)
 
     def bounces(self, face: Index, starts: Iterable[ImageTubes] | None = None) -> Iterator[ImageTubes]:
         """Yield what :meth:`tracing` finds, alone."""
         for _, found in together([self.tracing(face, starts)], self.settings.max_tubes):
             if found is not None:
-                yield found[1]
+                yield found.patches
 
-    def tracing(self, face: Index, starts: Iterable[ImageTubes] | None = None) -> Tracing[tuple[int, ImageTubes]]:
+    def tracing(self, face: Index, starts: Iterable[ImageTubes] | None = None) -> Tracing[Heard]:
         """Yield the footprints that each receiver sees, bounce after bounce, of tubes that start on some faces.
 
         With each its number among the receivers. The last batch that was found goes first, so that few wait at a time.
@@ -169,6 +192,8 @@ class Tracer:
                 lit = (yield from self._seen(tubes, self.tx, (1, 0))) if depth == 1 else tubes
                 for number in range(len(self.receivers)):
                     yield Branch(self._patches(number, depth, lit))
+                    if self.receivers[number] is self.tx:
+                        yield Branch(self._back_the_same_way(number, lit))
                 if depth < self.settings.max_depth and len(lit):
                     following = yield from self._next(lit)
                     stack += [(depth + 1, batch) for batch in following.batches(self.settings.max_tubes)]
@@ -216,20 +241,40 @@ class Tracer:
         stands_for = float(place[-1] * np.mean(made / starts.pieces[coarse]) / count)
         return self._first(fine[rows], starts.face[coarse], coarse, number), stands_for
 
-    def _patches(self, number: int, depth: int, lit: ImageTubes) -> Tracing[tuple[int, ImageTubes]]:
+    def _patches(self, number: int, depth: int, lit: ImageTubes) -> Tracing[Heard]:
         """Yield what one receiver sees of the tubes of a bounce, in patches."""
         rx = self.receivers[number]
+        if rx is self.tx:
+            lit = self._onward(lit)
         if depth == 1 and rx is self.tx:
             seen = replace(lit, way_out=lit.way_in)
         else:
             facing = self._in_front(lit, rx) if depth == 1 else self._turned_back(lit, rx)
             if depth > 1 or rx is not self._sized_for:
-                facing = self._cut(facing, rx)
+                facing = self._cut(facing, rx.pose.position)
             watched = facing.take(np.flatnonzero(rx.touches(facing.corners)))
             seen = yield from self._seen(watched, rx, (depth, 1))
         windows = (self.tx.window, rx.window)[depth > 1 :]
         for patches in self._for_motion(cut_at_ends(seen, windows, self.settings), rx):
-            yield number, patches
+            yield Heard(number, patches)
+
+    def _onward(self, lit: ImageTubes) -> ImageTubes:
+        """Return the tubes without those that end there and back over the same planes: heard the same way."""
+        if self.same_way is None or lit.depth == 1 or lit.depth % 2 == 0:
+            return lit
+        plane, there = self.faces.plane[lit.face], lit.face[:, : lit.depth // 2 + 1]
+        left_out = (plane == plane[:, ::-1]).all(axis=1)
+        left_out[left_out] = self.same_way(there[left_out])
+        return lit.take(np.flatnonzero(~left_out))
+
+    def _back_the_same_way(self, number: int, lit: ImageTubes) -> Tracing[Heard]:
+        """Yield what the transmitter hears of the tubes of a bounce over the mirrors before it, in patches."""
+        if self.same_way is None or lit.depth == 1 or 2 * lit.depth - 1 > self.settings.max_depth:
+            return
+        wanted = lit.take(np.flatnonzero(self.same_way(lit.face)))  # seen as they are lit
+        wanted = wanted.take(self._radiates_to(wanted, wanted.image[:, -1]))
+        for patches in self._for_motion(self._cut(wanted, wanted.image[:, -1]), None):
+            yield Heard(number, patches, same_way=True)
 
     @property
     def _sized_for(self) -> Viewpoint:
@@ -275,14 +320,16 @@ class Tracer:
             low, high = (longest, high) if more else (low, longest)
         return replace(self.size, longest=high)
 
-    def _cut(self, tubes: ImageTubes, rx: Viewpoint) -> ImageTubes:
-        """Return footprints cut into patches that are small enough."""
-        limit = self.settings.max_patches
-        corners, rows = split(tubes.corners, tubes.image[:, -1], rx.pose.position, self.size, limit)
+    def _cut(self, tubes: ImageTubes, receiver: Array) -> ImageTubes:
+        """Return footprints cut into patches that are small enough; `receiver` is one place or one for each [m]."""
+        corners, rows = split(tubes.corners, tubes.image[:, -1], receiver, self.size, self.settings.max_patches)
         return tubes.take(rows, corners)
 
-    def _for_motion(self, tubes: ImageTubes, rx: Viewpoint) -> Iterator[ImageTubes]:
-        """Yield footprints, cut so that motion over a frame changes the pattern of none: see `max_turn`."""
+    def _for_motion(self, tubes: ImageTubes, rx: Viewpoint | None) -> Iterator[ImageTubes]:
+        """Yield footprints, cut so that motion over a frame changes the pattern of none: see `max_turn`.
+
+        Without a receiver they are heard the same way as they are lit.
+        """
         if self.velocity is None or self.size.max_turn is None or not len(tubes):
             yield tubes
             return
@@ -292,18 +339,21 @@ class Tracer:
             along = np.einsum("ij,ij->i", image - self.velocity[face], normal)
             image = image - 2.0 * along[:, None] * normal
         own = self.velocity[tubes.face[:, -1]]
-        passed = (own - image) * self.size.duration, (own - rx.drift) * self.size.duration
+        home = image if rx is None else rx.drift
+        passed = (own - image) * self.size.duration, (own - home) * self.size.duration
         if not (passed[0].any() or passed[1].any()):
             yield tubes
             return
-        source, receiver = tubes.image[:, -1], rx.pose.position
+        source = tubes.image[:, -1]
+        receiver = source if rx is None else np.broadcast_to(rx.pose.position, source.shape)
         # edges may not do for what moves: the band counts again
         size = replace(self.size, max_phase=np.inf, passed=passed)
         excess = size.excess(tubes.corners, source, np.arange(len(tubes)), receiver)
         batch = (np.cumsum(size.pieces_of(excess)) / self.settings.max_tubes).astype(np.int64)
         for rows in np.split(np.arange(len(tubes)), np.flatnonzero(np.diff(batch)) + 1):
             size = replace(size, passed=(passed[0][rows], passed[1][rows]))
-            corners, piece_of = split(tubes.corners[rows], source[rows], receiver, size, self.settings.max_patches)
+            ends = source[rows], receiver[rows]
+            corners, piece_of = split(tubes.corners[rows], *ends, size, self.settings.max_patches)
             yield tubes.take(rows[piece_of], corners)
 
     def _spacings(self, tubes: ImageTubes, source: Array, is_way_in: bool) -> Spacings:
@@ -358,11 +408,14 @@ class Tracer:
     def _turned_back(self, tubes: ImageTubes, rx: Viewpoint) -> ImageTubes:
         """Return the footprints that radiate to a receiver: see `return_angle`."""
         tubes = self._in_front(tubes, rx)
+        return tubes.take(self._radiates_to(tubes, rx.pose.position))
+
+    def _radiates_to(self, tubes: ImageTubes, receiver: Array) -> Index:
+        """Return which footprints do so within `return_angle`; one receiver, or one for each [m]."""
         if self._return is None or not len(tubes):
-            return tubes
+            return np.arange(len(tubes))
         source, last = tubes.image[:, -1], tubes.face[:, -1]
-        back = self._return.of_footprints(middle(tubes.corners), source, last, rx.pose.position)
-        return tubes.take(np.flatnonzero(back))
+        return np.flatnonzero(self._return.of_footprints(middle(tubes.corners), source, last, receiver))
 
     @cached_property
     def _of_plane(self) -> Index:

@@ -30,7 +30,7 @@ from scarl_sionna.radar.optics.surfaces import FaceSurfaces
 from scarl_sionna.radar.optics.tubes.narrow import NarrowBodies
 from scarl_sionna.radar.tuned import material_frequency
 
-from .senses import flat_widths
+from .senses import flat_widths, heard_the_same_way
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World, WorldState
@@ -135,6 +135,17 @@ class Bodies:
     def widths(self) -> Array:
         """Width of the flat region to which each face belongs [m], shape (num_faces,)."""
         return flat_widths(self.faces)
+
+    @cached_property
+    def _mirror_widths(self) -> Array:
+        """The same of flat faces; 0 of those that stand for a curve."""
+        curved = self._table[1]
+        return self.widths if curved is None else np.where(curved.is_curved, 0.0, self.widths)
+
+    def heard_the_same_way(self, chain: Index) -> Mask:
+        """Return after which chains of faces (n, depth) the last one is heard over the others, see :mod:`.senses`."""
+        instance = self.state.world.parts.instance[self.faces.part[chain]]
+        return heard_the_same_way(self._mirror_widths[chain], self.widths[chain[:, -1]], instance)
 
     @cached_property
     def velocity(self) -> Array | None:

@@ -10,6 +10,8 @@ import numpy.typing as npt
 from scarl_sionna.radar.optics.near_field import NearField
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes
 
+from .senses import Kind
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 Columns = dict[str, npt.NDArray[Any]]
@@ -100,6 +102,9 @@ def _moved(
         mirror = near.surfaces.velocity_on_host(face[:, k], here)
         moved = moved - 2.0 * _dot(normal, moved - mirror)[:, None] * normal
     made["tx_point"], made["tx_velocity"] = seen, moved - near.tx.velocity
+    same = made["kind"] == Kind.SAME_WAY
+    for name in ("point", "velocity"):
+        made[f"rx_{name}"][same] = made[f"tx_{name}"][same]
     length, rate = np.zeros(len(patch)), np.zeros(len(patch))
     for name, station in (("tx", near.tx), ("rx", near.rx)):
         ray = made[f"{name}_point"] - station.pose.position

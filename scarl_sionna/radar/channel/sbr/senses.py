@@ -1,9 +1,11 @@
-"""The two senses of a bounce between bodies: of each the better one stands for both.
+"""Bounces between bodies as they are right for a narrow one: at the end of a chain, whatever the chain.
 
 A tube that goes on from a face carries a beam as wide as its footprint, as a mirror would send it on. That is right for
 faces that are large against the Fresnel zone. A small face, or one of many that stand for a curve, spreads the wave,
 which a tube has at its last bounce only, by physical optics. A monostatic radar hears the reverse of a chain of bounces
-as loud and at the same distance (reciprocity), so the sense that ends at the narrower face is taken twice.
+as loud and at the same distance (reciprocity), so of two senses that which ends at the narrower face is taken twice.
+Where the narrow face is in the middle, there and back over the same wide ones, the radar hears it over these: as
+backscatter to its own image.
 """
 
 from __future__ import annotations
@@ -37,11 +39,18 @@ class Kind(IntEnum):
     TRACED = 0
     REVERSED = 1
     """The other sense of a traced row."""
-    ROUGH = 2
+    SAME_WAY = 2
+    """Of the last face of a chain, heard over the others: in place of traced rows there and back over the same."""
+    ROUGH = 3
     """What a rough surface scatters, with a random phase."""
-    ROUGH_REVERSED = 3
-    DOUBTFUL = 4
+    ROUGH_REVERSED = 4
+    ROUGH_SAME_WAY = 5
+    DOUBTFUL = 6
     """Traced, but it ends at a face that is wider than the first: taken where there is no reversed row for it."""
+
+
+ROUGH_KINDS = Kind.ROUGH, Kind.ROUGH_REVERSED, Kind.ROUGH_SAME_WAY
+"""Those with a random phase."""
 
 
 def flat_widths(faces: FaceTable) -> Array:
@@ -77,6 +86,22 @@ def kinds_of(first: Array, last: Array, instance: npt.NDArray[np.integer[Any]]) 
     return found
 
 
+def heard_the_same_way(mirror: Array, width: Array, instance: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.bool_]:
+    """Return the chains whose last face is heard over the others, which are flat and wider, shape (n,).
+
+    Parameters
+    ----------
+    mirror : ndarray of float64, shape (n, depth)
+        Width of each face as a mirror [m]: that of its flat region, 0 if it stands for a curve.
+    width : ndarray of float64, shape (n,)
+        Of the last face [m].
+    instance : ndarray of int, shape (n, depth)
+        Of the bounces. The last one is another body than those before.
+    """
+    is_apart = (instance[:, :-1] != instance[:, -1:]).all(axis=1)
+    return np.asarray(is_apart & (mirror[:, :-1].min(axis=1, initial=np.inf) > WIDER * width) & (instance.shape[1] > 1))
+
+
 def reversed_rows(columns: Columns, semantic: npt.NDArray[np.uint8], kind: Kind) -> Columns:
     """Return the reversed paths of a monostatic radar: first what was met last.
 
@@ -100,6 +125,29 @@ def reversed_rows(columns: Columns, semantic: npt.NDArray[np.uint8], kind: Kind)
         "semantic": semantic,
         "kind": np.full(len(semantic), kind, dtype=np.int8),
     }
+
+
+def mirrored_back(columns: Columns, kind: Kind) -> Columns:
+    """Return rows of what is heard the same way, with the mirrors once more behind the face that scatters.
+
+    `kind` is that of the result.
+    """
+    chain = columns["instance"]
+    return {
+        **columns,
+        "instance": np.concatenate([chain, chain[:, -2::-1]], axis=1),
+        "depth": 2 * columns["depth"] - 1,
+        "semantic": columns["first_semantic"],
+        "kind": np.full(len(chain), kind, dtype=np.int8),
+    }
+
+
+def scattering_bounce(columns: Columns) -> npt.NDArray[np.int64]:
+    """Return the number of the bounce of each row that scatters, shape (n,); the others are mirrors."""
+    kind, depth = columns["kind"], columns["depth"].astype(np.int64)
+    is_reversed = np.isin(kind, (Kind.REVERSED, Kind.ROUGH_REVERSED))
+    in_the_middle = np.isin(kind, (Kind.SAME_WAY, Kind.ROUGH_SAME_WAY))
+    return np.select([is_reversed, in_the_middle], [0, depth // 2], depth - 1)
 
 
 def decided(columns: Columns, radar: RadarSpec) -> Array:

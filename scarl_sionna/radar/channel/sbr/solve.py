@@ -26,7 +26,7 @@ from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.optics.edges.near_field import EdgeView, edge_rows
 from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
-from scarl_sionna.radar.optics.spherical_waves import ImageTubes
+from scarl_sionna.radar.optics.spherical_waves import Heard
 from scarl_sionna.radar.optics.tubes.together import together
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths, bend_of
@@ -36,7 +36,7 @@ from .cost import Work, affordable, check_memory, with_knobs
 from .diffuse import rough_pieces, scattered_rows
 from .edge_rows import with_edges
 from .rows import Columns, above_floor, in_order, joined, received, taken
-from .senses import Kind, decided, kinds_of, reversed_rows
+from .senses import ROUGH_KINDS, Kind, decided, kinds_of, mirrored_back, reversed_rows, scattering_bounce
 from .tracing import Pair, Shared, shared_tracings
 
 if TYPE_CHECKING:
@@ -76,8 +76,8 @@ def solve_sbr(
     RadarPaths
         ``diagnostics["estimate"]`` is what the solve was expected to cost, before it started. One row a patch, sorted.
         `tx_point` is the patch as the transmitter sees it through the mirrors before
-        it, `rx_point` the patch itself. The last interaction of a row is the scattering patch, those before are mirror
-        reflections.
+        it, `rx_point` as the receiver sees it. The interaction ``DIFFUSE`` of a row is the scattering patch, mostly the
+        last one, the others are mirror reflections.
 
     Raises
     ------
@@ -102,7 +102,8 @@ def solve_sbr(
     -----
     The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit.
     Between bodies a monostatic radar takes both from the sense that ends at the narrower face (:mod:`.senses`), where
-    the faces differ by a factor of two and the radar looks straight, not over a mirror.
+    the faces differ by a factor of two and the radar looks straight, not over a mirror. There and back over the same
+    flat faces it hears the narrow one at its own image, the scatterer in the middle of the chain.
 
     *Not modelled*: edge diffraction (but with `edge_diffraction` that of single edges which both ends see), creeping
     waves, what passes through a dielectric between two bounces, diffuse scattering between mirrors and, for a bistatic
@@ -241,8 +242,7 @@ def solve_between(bodies: Bodies, pairs: Sequence[Pair]) -> list[RadarPaths]:
                 for pair in shared[number].pairs:
                     fields.end(solves[pair])
                 continue
-            receiver, patches = found
-            fields.add(solves[shared[number].pairs[receiver]], patches)
+            fields.add(solves[shared[number].pairs[found.receiver]], found)
             if fields.num_patches >= bodies.knobs.max_tubes:
                 fields.finish()
                 check_memory(bodies, sum(solve.num_rows for solve in solves))
@@ -256,7 +256,7 @@ class _Fields:
 
     def __init__(self) -> None:
         self.num_patches = 0
-        self._waiting: dict[tuple[int, bool], list[tuple[_Solve, int, ImageTubes]]] = {}
+        self._waiting: dict[tuple[int, bool, bool], list[tuple[_Solve, int, Heard]]] = {}
         self._ended: list[_Solve] = []
 
     def end(self, solve: _Solve) -> None:
@@ -265,19 +265,20 @@ class _Fields:
         if solve.num_ended == len(solve.tracings):
             self._ended.append(solve)
 
-    def add(self, solve: _Solve, patches: ImageTubes) -> None:
+    def add(self, solve: _Solve, heard: Heard) -> None:
         """Add patches that the receiver of a solve sees."""
-        for is_curved, some in solve.near.kinds(patches):
-            self._waiting.setdefault((some.depth, is_curved), []).append((solve, len(solve.blocks), some))
+        for is_curved, some in solve.near.kinds(heard.patches):
+            one = solve, len(solve.blocks), heard._replace(patches=some)
+            self._waiting.setdefault((some.depth, is_curved, heard.same_way), []).append(one)
             solve.blocks.append({})
             self.num_patches += len(some)
 
     def finish(self) -> None:
         """Compute the fields, and the paths of the solves that have ended."""
-        for waiting in self._waiting.values():
-            fields = radiated([solve.near for solve, _, _ in waiting], [some for _, _, some in waiting])
-            for (solve, place, some), columns in zip(waiting, fields, strict=True):
-                solve.fill(place, some, columns)
+        for (_, _, same_way), waiting in self._waiting.items():
+            fields = radiated([one.near for one, _, _ in waiting], [heard.patches for *_, heard in waiting], same_way)
+            for (solve, place, heard), columns in zip(waiting, fields, strict=True):
+                solve.fill(place, heard, columns)
         for solve in self._ended:
             solve.finish()
         self.num_patches, self._waiting, self._ended = 0, {}, []
@@ -304,16 +305,16 @@ class _Solve:
             size.max_turn,
         )
         self.blocks: list[Columns] = []
-        self.rough: dict[int, list[Columns]] = {}
+        self.rough: dict[tuple[int, bool], list[Columns]] = {}
         self.num_rows = 0
         self.paths = RadarPaths.empty(pair.tx.pose)
 
-    def fill(self, place: int, patches: ImageTubes, columns: Columns) -> None:
+    def fill(self, place: int, heard: Heard, columns: Columns) -> None:
         """Put the columns of patches in their place among the blocks, without what comes from out of view or too far.
 
         Rough pieces are added to those of their depth.
         """
-        bodies, state, near = self.bodies, self.bodies.state, self.near
+        bodies, state, near, patches = self.bodies, self.bodies.state, self.near, heard.patches
         is_rough = near.surfaces.is_rough[patches.face[:, -1]] & bodies.knobs.diffuse
         part = bodies.faces.part[patches.face]
         columns["instance"] = state.world.parts.instance[part]
@@ -325,12 +326,16 @@ class _Solve:
         if len(rows):
             some = {name: column[rows] for name, column in columns.items() if name not in ("oblique", "edges")}
             some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
-            self.rough.setdefault(patches.depth, []).append(rough_pieces(some, patches.take(rows)))
+            alike = self.rough.setdefault((patches.depth, heard.same_way), [])
+            alike.append(rough_pieces(some, patches.take(rows)))
         columns.pop("scattered")
         if self.has_reverse and patches.depth > 1:
-            ends = bodies.widths[patches.face[:, 0]], bodies.widths[patches.face[:, -1]]
-            columns["kind"] = kinds_of(*ends, columns["instance"])
             columns["first_semantic"] = state.world.parts.semantic[part[:, 0]]
+            if heard.same_way:
+                columns = mirrored_back(columns, Kind.SAME_WAY)
+            else:
+                ends = bodies.widths[patches.face[:, 0]], bodies.widths[patches.face[:, -1]]
+                columns["kind"] = kinds_of(*ends, columns["instance"])
         triangles = bodies.faces.triangles
         columns = with_edges(columns, patches, near, (triangles.normal, triangles.offset))
         seen = columns["length"] < 2.0 * bodies.reach
@@ -354,8 +359,9 @@ class _Solve:
             edges = EdgeView(bodies.state, bodies.faces, bodies.rays, tx, rx, bodies.reach, self.size, limit)
             seen = np.unique(bodies.state.world.parts.instance[bodies.faces.part[start]]).tolist()
             blocks.append(edge_rows(edges, edges.pieces(seen, float(np.radians(knobs.crease_angle_deg)))))
-        for depth in sorted(self.rough):
-            blocks += _scattered(self.rough.pop(depth), knobs.seed, tx is rx)
+        for depth, same_way in sorted(self.rough):
+            pieces = self.rough.pop((depth, same_way))
+            blocks += _scattered(pieces, knobs.seed, tx is rx and depth > 1, same_way)
         columns = joined(blocks, knobs.max_depth)
         if self.has_reverse:
             weight = decided(columns, bodies.radar)
@@ -398,12 +404,14 @@ def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[l
     return sorted(kept), [info.name for number, info in table.items() if number not in kept]
 
 
-def _scattered(pieces: list[Columns], seed: int, monostatic: bool) -> list[Columns]:
+def _scattered(pieces: list[Columns], seed: int, has_reverse: bool, same_way: bool) -> list[Columns]:
     """Return the columns of what rough patches of one depth scatter, and for a monostatic radar of the way back."""
     whole = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
     block = scattered_rows(whole, seed)
+    if same_way:
+        return [mirrored_back(block, Kind.ROUGH_SAME_WAY)]
     first = block.pop("first_semantic")
-    if not monostatic or block["depth"][0] == 1:
+    if not has_reverse:
         return [block]
     return [block, reversed_rows(block, first, Kind.ROUGH_REVERSED)]
 
@@ -468,8 +476,7 @@ def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) ->
     count, width = columns["instance"].shape
     step = np.arange(width)
     depth = columns["depth"]
-    is_reversed = np.isin(columns["kind"], (Kind.ROUGH_REVERSED, Kind.REVERSED))
-    scatterer = np.where(is_reversed, 0, depth - 1)[:, None]
+    scatterer = scattering_bounce(columns)[:, None]
     interaction = np.where(step == scatterer, DIFFUSE, np.where(step < depth[:, None], SPECULAR, -1))
     bend = bend_of(columns["tx_point"] - tx.position, columns["tx_velocity"])
     bend += bend_of(columns["rx_point"] - rx.position, columns["rx_velocity"])
@@ -488,6 +495,6 @@ def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) ->
         world_from_rx=rx,
         tx_velocity=columns["tx_velocity"],
         rx_velocity=columns["rx_velocity"],
-        random_phase=np.isin(columns["kind"], (Kind.ROUGH, Kind.ROUGH_REVERSED)),
+        random_phase=np.isin(columns["kind"], ROUGH_KINDS),
         diagnostics=diagnostics,
     )

@@ -67,6 +67,7 @@ def first_faces(bodies: Bodies, stations: Sequence[Viewpoint], lit: Sequence[int
 def tracer_between(bodies: Bodies, stations: Sequence[Viewpoint]) -> Tracer:
     """Return the tracer of tubes from a transmitter to its receivers; use it inside :meth:`.Bodies.active`."""
     tx, *receivers = stations
+    same_way = bodies.heard_the_same_way if tx.window is None and tx in receivers else None
     return Tracer(
         bodies.rays,
         bodies.faces,
@@ -80,6 +81,7 @@ def tracer_between(bodies: Bodies, stations: Sequence[Viewpoint]) -> Tracer:
         bodies.panes,
         bodies.velocity,
         bodies.narrow,
+        same_way,
     )
 
 

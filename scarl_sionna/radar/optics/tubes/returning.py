@@ -55,14 +55,14 @@ class Return:
     angle: float
 
     def of_footprints(self, center: Array, source: Array, face: Index, station: Array) -> Mask:
-        """Return whether the mirror direction at points of faces is that of one receiver, shape (n,).
+        """Return whether the mirror direction at points of faces is that of a receiver, shape (n,).
 
         Parameters
         ----------
         center, source : ndarray of float64, shape (n, 3)
             Points, and where their rays come from [m, world].
         face : ndarray of int64, shape (n,)
-        station : ndarray of float64, shape (3,)
+        station : ndarray of float64, shape (3,) or (n, 3)
             [m, world].
         """
         arriving = center - source
