@@ -56,7 +56,7 @@ def test_the_expected_numbers_are_those_of_the_solve(state, monkeypatch) -> None
     traced = []
     radiated = sbr_solve.radiated
     monkeypatch.setattr(
-        sbr_solve, "radiated", lambda near, tubes: traced.extend(map(len, tubes)) or radiated(near, tubes)
+        sbr_solve, "radiated", lambda near, tubes, way: traced.extend(map(len, tubes)) or radiated(near, tubes, way)
     )
     paths = solve_paths(state, RADAR, POSE, "sbr")
     stations = sbr_solve.stations_of(RADAR, state.as_mount(POSE))
