@@ -40,7 +40,8 @@ def mesh_field(measurement: MeshRcs, table: MaterialTable) -> Callable[[Mapping[
     count = max(len(measurement.values), np.size(measurement.theta_deg), np.size(measurement.phi_deg))
     theta, phi = (np.broadcast_to(np.radians(a), (count,)) for a in (measurement.theta_deg, measurement.phi_deg))
     looks = Looks(np.full(count, measurement.frequency), theta, phi, theta, phi)
-    tubes = FixedTubes.trace(body, looks)
+    as_given = PartSurfaces((surface_of(base, measurement.frequency),))
+    tubes = FixedTubes.trace(body, looks, rounded=as_given.rounded)
     receive, transmit = ("VH".index(letter) for letter in measurement.polarization)
 
     def field(materials: Mapping[str, TrialMaterial]) -> Complex:

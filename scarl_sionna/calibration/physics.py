@@ -79,6 +79,11 @@ class TrialMaterial:
         """Return the temperature of that water [K]."""
         return self.base.water_temperature
 
+    @property
+    def rounded(self) -> bool:
+        """Return whether faces of the material stand for a body that is curved everywhere."""
+        return self.base.rounded
+
     def as_radio(self) -> RadioMaterial:
         """Return this object for the radio code, which reads attributes only."""
         return cast(RadioMaterial, self)

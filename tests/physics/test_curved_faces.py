@@ -10,6 +10,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 import scarl_sionna as ss
+from scarl_sionna.calibration import CalibrationProblem, ForwardModel, FreeParameter, MeshRcs
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sbr import SbrSettings
@@ -17,10 +18,10 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.smooth.surface import mesh_surface
-from scarl_sionna.radar.optics.body.parts import actor_parts, load_body
+from scarl_sionna.radar.optics.body.parts import actor_parts, load_body, surfaces_of
 from scarl_sionna.radar.scatterers.compile import compile_scatterers
 from scarl_sionna.scene.materials.fresnel import power_reflectance
-from scarl_sionna.scene.materials.table import builtin_materials
+from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 from tests.oracles import rcs as oracle
 from tests.scenes import Thing, write_scene
@@ -62,29 +63,71 @@ def test_a_sphere_of_few_faces_is_round(ball):
     assert np.abs(level).max() < BAR_DB
 
 
-def test_a_ball_of_uneven_faces_is_round_where_its_material_is():
-    """pi a^2 times the reflectance: faces as uneven as a simplified mesh has them bend too irregularly to count as a
-    curve, unless the material says that its bodies have no flat faces. Flat ones are 6 dB and more off.
-    """
+def uneven_ball():
+    """A ball of 0.15 m with faces as uneven as a simplified mesh has them."""
     points = np.random.default_rng(1).normal(size=(600, 3))
     points /= np.linalg.norm(points, axis=1)[:, None]
     faces = ConvexHull(points).simplices
     a, b, c = points[faces].transpose(1, 0, 2)
     inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0.0
     faces[inward] = faces[inward][:, ::-1]
-    ball = trimesh.Trimesh(0.15 * points, faces, process=False)
+    return trimesh.Trimesh(0.15 * points, faces, process=False)
+
+
+def test_a_ball_of_uneven_faces_is_round_where_its_material_is():
+    """pi a^2 times the reflectance: uneven faces bend too irregularly to count as a curve, unless the material says
+    that its bodies have no flat faces, however it is given. Flat ones are 6 dB and more off.
+    """
+    ball, table = uneven_ball(), builtin_materials()
     theta, phi = np.linspace(0.4, 2.7, 8), np.linspace(0.1, 6.0, 8)
-    skin = builtin_materials()["clothed_skin"]
+    skin = table["clothed_skin"]
+    own = MaterialTable([skin.with_(name="coat"), skin.with_(rounded=False)])
     exact = np.pi * 0.15**2 * power_reflectance(skin, F77, 1.0)[0]
-    level = [dbsm(ss.rcs([(ball, one)], F77, theta, phi) / exact) for one in (skin, skin.with_(rounded=False))]
-    assert np.abs(level[0]).max() < BAR_DB
-    assert np.abs(level[1]).max() > 6.0
+
+    def level(mesh, **material):
+        return np.abs(dbsm(ss.rcs(mesh, F77, theta, phi, **material) / exact)).max()
+
+    assert level([(ball, skin)]) < BAR_DB
+    assert level([(ball, "clothed_skin")]) < BAR_DB
+    assert level([(ball, "coat")], materials=own) < BAR_DB
+    assert level(ball, material=skin) < BAR_DB
+    assert level(ball, material="clothed_skin") < BAR_DB
+    assert level(ball, material="coat", materials=own) < BAR_DB
+    assert level(ball, material="clothed_skin", materials=own) > 6.0
+    assert level([(ball, skin.with_(rounded=False))]) > 6.0
+    body = load_body(ball)  # one body keeps the surfaces of both
+    assert level(body, material=skin.with_(rounded=False)) > 6.0 and level(body, material=skin) < BAR_DB
+
+
+def test_a_ball_of_uneven_faces_is_round_in_calibrations_and_centres(tmp_path):
+    uneven_ball().export(tmp_path / "ball.ply")
+    skin, phi = builtin_materials()["skin"], np.linspace(0.0, 5.0, 6)
+    exact = 10.0 * np.log10(np.pi * 0.15**2 * power_reflectance(skin, F77, 1.0)[0])
+    free = FreeParameter(name="skin.relative_permittivity", lower=2.0, upper=12.0)
+    measured = MeshRcs(
+        name="ball",
+        mesh=str(tmp_path / "ball.ply"),
+        material="skin",
+        phi_deg=tuple(np.degrees(phi)),
+        noise=0.1,
+        values=(0.0,) * 6,
+    )
+    model = ForwardModel(CalibrationProblem(parameters=(free,), measurements=(measured,)))
+    found = model.predict(model.channels[0], np.array([skin.relative_permittivity]))
+    assert np.abs(found - exact).max() < BAR_DB
+    centres = compile_scatterers(
+        uneven_ball(), F77, azimuths_deg=(0.0, 2.0), material="skin", voxel=0.1, num_checks=0, progress=False
+    )
+    matrix = centres.scattering_matrix(np.pi / 2.0, centres.azimuth)[:, 0, 0]
+    assert np.abs(10.0 * np.log10(4.0 * np.pi * np.abs(matrix) ** 2) - exact).max() < BAR_DB
 
 
 def test_riders_and_people_have_no_flat_clothes():
     """The breast of the simplified rider had a flat face of 69 cm2, whose flash carried the cyclist's front."""
     state = ss.stage("highway_guardrail", [ss.StagedActor("it", "bicycle", StaticTrajectory(Pose()), detail="light")])
-    body = load_body(actor_parts(state, "it")).with_curves(SbrSettings(), 2.0 * np.pi / LAMBDA)
+    body = load_body(actor_parts(state, "it"))
+    surfaces = next(surfaces_of(body, "metal", np.array([F77]), None))[0]
+    body = body.with_curves(SbrSettings(), 2.0 * np.pi / LAMBDA, surfaces.rounded)
     assert body.curved is not None
     corners = body.triangles.corners
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)

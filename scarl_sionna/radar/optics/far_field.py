@@ -72,7 +72,7 @@ def _one_way(body: Body, surfaces: PartSurfaces, looks: Looks, settings: SbrSett
     result = np.zeros((len(looks), 4), dtype=np.complex128)
     if len(looks):
         plan = plan_of(looks)
-        body = body.with_curves(settings, float(plan.wavenumber.max()))
+        body = body.with_curves(settings, float(plan.wavenumber.max()), surfaces.rounded)
         settings = settings.for_size(body.size / float(plan.waves.wavelength.min()))
         for bounce in bounces(body, surfaces, plan.waves, settings):
             for seen in footprints_seen(body, bounce, plan, settings):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -72,8 +72,12 @@ class FixedTubes:
     weight: Complex
 
     @classmethod
-    def trace(cls, body: Body, looks: Looks, settings: SbrSettings = DEFAULT_SBR) -> FixedTubes:
-        """Trace the tubes; which way they go depends on no material.
+    def trace(
+        cls, body: Body, looks: Looks, settings: SbrSettings = DEFAULT_SBR, rounded: Collection[int] = ()
+    ) -> FixedTubes:
+        """Trace the tubes; which way they go depends on no material but for the parts that are `rounded`.
+
+        These are :attr:`.PartSurfaces.rounded`, whose faces stand for a body that is curved everywhere.
 
         Raises
         ------
@@ -83,7 +87,7 @@ class FixedTubes:
         if len(np.unique(looks.frequency)) != 1:
             raise ParameterRangeError("frequency", "several", "one: a material is valid at one frequency", "trace each")
         plan = plan_of(looks)
-        body = body.with_curves(settings, float(plan.wavenumber.max()))
+        body = body.with_curves(settings, float(plan.wavenumber.max()), rounded)
         settings = settings.for_size(body.size / float(plan.waves.wavelength.min()))
         count = len(plan.waves.direction)
         numbers = replace(plan.waves, field=np.broadcast_to(np.arange(count)[:, None, None], (count, 3, 1)))

@@ -51,6 +51,8 @@ class Surface:
         Relative permittivity and depth [m] of a film on the face, such as water.
     height : float
         Standard deviation of the face's heights, which take more of it, :func:`.rough.height_loss` [m].
+    rounded : bool
+        Whether faces of this material stand for a body that is curved everywhere.
     """
 
     permittivity: complex | None = None
@@ -59,6 +61,7 @@ class Surface:
     coherence: float = 1.0
     film: tuple[complex, float] | None = None
     height: float = 0.0
+    rounded: bool = False
 
     def coefficients(self, cosine: Real) -> tuple[Complex, Complex]:
         """Return TE and TM reflection coefficients; a perfect conductor has -1 and +1."""
@@ -97,6 +100,11 @@ class PartSurfaces:
     """What the parts of a body reflect like."""
 
     parts: tuple[Surface, ...] = (Surface(),)
+
+    @property
+    def rounded(self) -> frozenset[int]:
+        """Numbers of the parts that are curved everywhere."""
+        return frozenset(number for number, surface in enumerate(self.parts) if surface.rounded)
 
     def reflect(
         self, part: npt.NDArray[np.int64], field: Complex, direction: Real, normal: Real

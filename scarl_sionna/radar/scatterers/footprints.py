@@ -97,7 +97,7 @@ def footprints(
     waves = Waves(-r_hat, np.stack([theta_hat, phi_hat], axis=2), np.array([SPEED_OF_LIGHT / frequency]))
     receive = np.stack([theta_hat[0], phi_hat[0]])
     wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
-    body = body.with_curves(settings, wavenumber)
+    body = body.with_curves(settings, wavenumber, surfaces.rounded)
     settings = settings.for_size(body.size * frequency / SPEED_OF_LIGHT)
     parts = [
         _seen(body, bounce, r_hat[0], receive, waves, settings) for bounce in bounces(body, surfaces, waves, settings)

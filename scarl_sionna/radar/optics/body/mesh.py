@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -22,7 +23,6 @@ from scarl_sionna.engine.rays.face_rays import MeshRays, center_and_radius
 from scarl_sionna.engine.rays.geometry import Triangles
 from scarl_sionna.engine.smooth.surface import Surface, mesh_surface
 from scarl_sionna.radar.optics.faces.curved import CurvedFaces
-from scarl_sionna.scene.materials.table import RadioMaterial, builtin_materials
 
 Array = npt.NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class Body:
     materials: tuple[Any, ...] = ()
     curved: CurvedFaces | None = None
 
-    def with_curves(self, settings: SbrSettings, wavenumber: float) -> Body:
+    def with_curves(self, settings: SbrSettings, wavenumber: float, rounded: Collection[int] = ()) -> Body:
         """Return this body with the surface for which its faces stand, as the settings have it.
 
         Parameters
@@ -81,6 +81,8 @@ class Body:
             Its `crease_angle_deg` and `surface_phase`.
         wavenumber : float
             The largest [rad/m].
+        rounded : collection of int
+            Numbers of the parts that are curved everywhere, :attr:`.PartSurfaces.rounded`.
 
         Warns
         -----
@@ -91,8 +93,9 @@ class Body:
         if crease == 0.0 or self.curved is not None:
             return self
         known = _surfaces.setdefault(self, {})
-        if crease not in known:
-            surface = known[crease] = mesh_surface(self.triangles.corners, self.part, crease, self.rounded)
+        key = crease, frozenset(rounded)
+        if key not in known:
+            surface = known[key] = mesh_surface(self.triangles.corners, self.part, crease, rounded)
             if surface is not None and surface.coarse_share(self.triangles.corners) > MOSTLY_COARSE:
                 warnings.warn(
                     f"{int(surface.coarse.sum())} of {len(self.part)} faces of the mesh bend by more than "
@@ -101,7 +104,7 @@ class Body:
                     ScarlWarning,
                     stacklevel=4,
                 )
-        curved = CurvedFaces.of(known[crease], self.triangles, wavenumber, settings.surface_phase)
+        curved = CurvedFaces.of(known[key], self.triangles, wavenumber, settings.surface_phase)
         return self if curved is None else replace(self, plane=curved.apart(self.plane), curved=curved)
 
     @staticmethod
@@ -157,21 +160,14 @@ class Body:
         return cls(triangles, plane, outward, free, int((~kept).sum()), rays, of_part, materials)
 
     @property
-    def rounded(self) -> frozenset[int]:
-        """Numbers of the parts whose own materials are those of bodies that are curved everywhere."""
-        table = builtin_materials()
-        named = [table.get(one) if isinstance(one, str) else one for one in self.materials]
-        return frozenset(number for number, one in enumerate(named) if isinstance(one, RadioMaterial) and one.rounded)
-
-    @property
     def size(self) -> float:
         """Largest extent along an axis [m]."""
         points = self.triangles.corners.reshape(-1, 3)
         return float((points.max(axis=0) - points.min(axis=0)).max())
 
 
-_surfaces: WeakKeyDictionary[Body, dict[float, Surface | None]] = WeakKeyDictionary()
-"""By body and crease angle."""
+_surfaces: WeakKeyDictionary[Body, dict[tuple[float, frozenset[int]], Surface | None]] = WeakKeyDictionary()
+"""By body, crease angle and parts that are curved everywhere."""
 
 
 def _degenerate(corners: Array) -> npt.NDArray[np.bool_]:

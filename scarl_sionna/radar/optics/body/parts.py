@@ -232,7 +232,9 @@ def _surface(entry: RadioMaterial | complex | None, frequency: float, rough: boo
 def surface_of(entry: RadioMaterial, frequency: float, rough: bool = False) -> Surface:
     """Return what a material reflects like at a frequency [Hz]; `rough` as of :func:`surfaces_of`."""
     kept, height = (entry.coherence, entry.roughness_rms) if rough else (1.0, 0.0)
-    return Surface(entry.at(frequency), entry.thickness, frequency, kept, film_of(entry, frequency), height)
+    return Surface(
+        entry.at(frequency), entry.thickness, frequency, kept, film_of(entry, frequency), height, entry.rounded
+    )
 
 
 def _permittivity(value: complex) -> complex:
