@@ -44,7 +44,7 @@ def _sensor(mount: SensorMount) -> Sensor:
     return sensor
 
 
-def _with_places(mount: SensorMount, rig: Rig, carrier: Mount) -> SensorMount:
+def _with_places(mount: SensorMount, rig: Rig, carrier: Mount, time: float) -> SensorMount:
     """Return a sensor whose interferers that are radars of the same rig have their specification and place.
 
     A radar leaves itself out, so that one list serves all radars of a rig.
@@ -52,11 +52,11 @@ def _with_places(mount: SensorMount, rig: Rig, carrier: Mount) -> SensorMount:
     settings = mount.settings
     if not isinstance(settings, RadarSettings) or all(item.sensor is None for item in settings.interferers):
         return mount
-    known = tuple(_placed(item, rig, carrier) for item in settings.interferers if item.sensor != mount.name)
+    known = tuple(_placed(item, rig, carrier, time) for item in settings.interferers if item.sensor != mount.name)
     return replace(mount, settings=settings.with_(interferers=known))
 
 
-def _placed(item: Interferer, rig: Rig, carrier: Mount) -> Interferer:
+def _placed(item: Interferer, rig: Rig, carrier: Mount, time: float) -> Interferer:
     if item.sensor is None:
         return item
     other = rig[item.sensor]
@@ -64,7 +64,8 @@ def _placed(item: Interferer, rig: Rig, carrier: Mount) -> Interferer:
         raise ParameterRangeError("interferers.sensor", f"'{item.sensor}', a {other.kind}", "a radar of the rig")
     when = {"start_time": item.start_time, "frame_interval": item.frame_interval}
     place = carrier.at(other.vehicle_from_sensor)
-    fixed: dict[str, Any] = {"pose": place.pose, "velocity": tuple(place.twist.linear.tolist())}
+    velocity = tuple(place.twist.linear.tolist())
+    fixed: dict[str, Any] = {"pose": Mount.passing(place.pose, velocity, -time).pose, "velocity": velocity}
     if place.actor is not None:
         fixed = {"pose": place.actor_from_sensor, "actor": place.actor}
     return Interferer(radar=other.spec, frequency_offset=item.frequency_offset, **when, **fixed)
@@ -153,7 +154,7 @@ def observe(
     for position, mount in enumerate(looking):
         on_stage(mount.name, position / len(looking))
         started = perf_counter()
-        results[mount.name] = _sensor(_with_places(mount, rig, carrier)).observe(
+        results[mount.name] = _sensor(_with_places(mount, rig, carrier, state.time)).observe(
             state,
             carrier.at(mount.vehicle_from_sensor),
             seeds.generator(seed, mount.kind, frame=timestamp_ns, sensor=mount.name),

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from .errors import InputTypeError
 from .pose import Pose, Twist
@@ -55,6 +58,22 @@ class Mount(Described):
             else self.actor_from_sensor.compose(carrier_from_sensor)
         )
         return Mount(self.pose.compose(carrier_from_sensor), twist, self.actor, own)
+
+    @classmethod
+    def passing(cls, start: Pose, velocity: Sequence[float], time: float) -> Mount:
+        """Return the mount of what goes straight on, its axes as they are.
+
+        Parameters
+        ----------
+        start : Pose
+            world_from_sensor at time 0.
+        velocity : sequence of float, shape (3,)
+            [m/s], world axes.
+        time : float
+            [s]
+        """
+        moved = Pose(start.position + time * np.asarray(velocity, dtype=np.float64), start.quaternion)
+        return cls(moved, Twist(np.array(velocity)))
 
     @classmethod
     def of(cls, place: Mount | Pose) -> Mount:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scarl_sionna.core.channels import RadioChannels
 from scarl_sionna.core.errors import ScarlWarning, SmallMirrorWarning
 from scarl_sionna.core.mount import Mount
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radio import RadioSettings
 from scarl_sionna.core.specs.radio import RadioSpec, RadioStation
 from scarl_sionna.core.units import SPEED_OF_LIGHT
@@ -179,7 +179,7 @@ class Radio:
 def _placed(state: WorldState, station: RadioStation) -> Mount:
     """Return where a station is and how it moves."""
     if station.actor is None:
-        return Mount(station.pose, Twist(np.array(station.velocity)))
+        return Mount.passing(station.pose, station.velocity, state.time)
     return state.mount(station.actor, station.pose)
 
 

@@ -97,6 +97,22 @@ def test_no_interferers_change_no_byte_and_one_stands_in_the_data(folder) -> Non
     assert source["num_paths"] == paths.num_paths and source["start_time"] == 0.0
 
 
+def test_one_with_a_velocity_goes_straight_on_from_its_place_at_time_zero(folder) -> None:
+    world = ss.load_scene(scene_file(folder))
+    passing = ss.Interferer(radar=OTHER, position=(45.0, 6.0, 3.0), quaternion=FACING, velocity=(-8.0, 1.0, 0.0))
+    vehicle = ss.Mount(ss.Pose([0.0, 0.0, 2.0]), ss.Twist([3.0, 0.0, 0.0]))
+    for time in (0.0, 0.05):
+        frame = ss.observe(world, rig_of(passing, ss.Interferer(sensor="side/radar")), time, vehicle=vehicle)
+        far, near = (
+            10.0 ** (one["path_gain_db"] / 20.0) for one in frame.radars["front/radar"].diagnostics["interferers"]
+        )
+        there = passing.pose.position + time * np.array(passing.velocity)
+        apart = np.linalg.norm(there - vehicle.at(PLACE).pose.position)
+        assert OTHER.wavelength / (4.0 * np.pi * far) == pytest.approx(apart, rel=1e-6)
+        apart = np.linalg.norm(PLACE.position - [2.0, 0.5, 1.0])  # on the vehicle, wherever that is said to be
+        assert OTHER.wavelength / (4.0 * np.pi * near) == pytest.approx(apart, rel=1e-6)
+
+
 def test_start_times_that_are_not_given_follow_the_seed(folder) -> None:
     world = ss.load_scene(scene_file(folder))
     other = ss.Interferer(radar=OTHER, actor="car", position=(-2.6, 0.0, 0.8), quaternion=FACING)

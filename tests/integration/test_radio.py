@@ -116,6 +116,18 @@ def test_paths_are_those_of_the_frames_instant_and_name_what_they_touch(world, f
     assert not channels.a[..., ~channels.valid[0]][0].any() and not channels.tau[~channels.valid].any()
 
 
+def test_a_station_with_a_velocity_goes_straight_on_from_its_place_at_time_zero(world) -> None:
+    drone = {"name": "drone", "position": (60.0, -8.0, 6.0), "velocity": (-20.0, 4.0, 0.0)}
+    radio = Radio(ss.RadioSpec(stations=(drone,), num_subcarriers=2), ss.RadioSettings(solver={"max_depth": 0}))
+    mount = ss.Mount(ss.Pose([2.2, 0.0, 1.6]))
+    for time in (0.0, 0.5):
+        found = radio.observe(world.at(time), mount, np.random.default_rng(0))
+        there = np.array([60.0 - 20.0 * time, -8.0 + 4.0 * time, 6.0])
+        assert found.world_from_station[0, :3] == pytest.approx(there)
+        way = np.linalg.norm(there - mount.pose.position)
+        assert found.tau[0, 0] * 299_792_458.0 == pytest.approx(way, rel=1e-12)
+
+
 def test_responses_are_those_that_sionna_rt_itself_gives(world, channels) -> None:
     """Sionna's own are float32: at 5.9 GHz and 60 m their phase is right to 1e-3."""
     state = world.at(0.25)

@@ -23,7 +23,8 @@ class Interferer(Spec):
     """Another radar that sends while a radar listens: what it is, where it is, and when it sends.
 
     Either `radar` with its place, or `sensor`: the name of another radar of the same rig. The place is on an actor, or
-    in the world with a velocity. It sends frame after frame, also before and after the frame of the radar that listens.
+    in the world with a velocity, straight on from its position at time 0. It sends frame after frame, also before and
+    after the frame of the radar that listens.
 
     The short form ``pose=ss.Pose(...)`` stands for `position` and `quaternion`.
 
@@ -42,12 +43,15 @@ class Interferer(Spec):
     )
     sensor: str | None = Field(None, description="name of another radar of the rig, instead of radar and place")
     actor: str | None = Field(None, description="that it rides on; None: it has a place in the world")
-    position: tuple[Metres, Metres, Metres] = Field((0.0, 0.0, 0.0), description="on the actor, or in the world [m]")
+    position: tuple[Metres, Metres, Metres] = Field(
+        (0.0, 0.0, 0.0), description="on the actor, or in the world at time 0 [m]"
+    )
     quaternion: tuple[float, float, float, float] = Field(
         (1.0, 0.0, 0.0, 0.0), description="of its axes on the actor, or in the world: w, x, y, z"
     )
     velocity: tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond] = Field(
-        (0.0, 0.0, 0.0), description="of one that rides on no actor, world axes [m/s]"
+        (0.0, 0.0, 0.0),
+        description="of one that rides on no actor, world axes [m/s]; straight on from its position at time 0",
     )
     start_time: Seconds | None = Field(
         None,

@@ -60,12 +60,15 @@ class RadioStation(Spec):
 
     name: str = Field(min_length=1, max_length=80, description="unique among the stations of a radio")
     actor: str | None = Field(None, description="that it rides on; None: it has a place in the world")
-    position: tuple[Metres, Metres, Metres] = Field((0.0, 0.0, 0.0), description="on the actor, or in the world [m]")
+    position: tuple[Metres, Metres, Metres] = Field(
+        (0.0, 0.0, 0.0), description="on the actor, or in the world at time 0 [m]"
+    )
     quaternion: tuple[float, float, float, float] = Field(
         (1.0, 0.0, 0.0, 0.0), description="of its axes on the actor, or in the world: w, x, y, z"
     )
     velocity: tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond] = Field(
-        (0.0, 0.0, 0.0), description="of one that rides on no actor, world axes [m/s]"
+        (0.0, 0.0, 0.0),
+        description="of one that rides on no actor, world axes [m/s]; straight on from its position at time 0",
     )
 
     @model_validator(mode="before")

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.mount import Mount
-from scarl_sionna.core.pose import Twist
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.interferer import Interferer
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -77,7 +76,7 @@ def hear(
     Parameters
     ----------
     state : WorldState or None
-        Surroundings; None: free space.
+        Surroundings; None: free space, at time 0.
     radar : RadarSpec
         The radar that listens.
     mount : Mount
@@ -125,7 +124,7 @@ def hear(
 
 def _place(state: WorldState | None, other: Interferer) -> Mount:
     if other.actor is None:
-        return Mount(other.pose, Twist(np.array(other.velocity)))
+        return Mount.passing(other.pose, other.velocity, 0.0 if state is None else state.time)
     if state is None:
         raise ParameterRangeError("interferers.actor", repr(other.actor), "none in free space", "give its position")
     return state.mount(other.actor, other.pose)
