@@ -167,6 +167,33 @@ def test_a_transmitter_that_starts_late_is_heard_late() -> None:
         assert ratio == pytest.approx(1j ** (-sign), abs=1e-4)  # transmit times conj(receive)
 
 
+@pytest.mark.parametrize("sampling", ["complex", "real"])
+def test_phases_of_oscillators_are_there_before_the_receiver(sampling) -> None:
+    """A constant at the converter does not turn with them; the I of a turned beat is sampled, not a turned I."""
+    radar = RADAR.with_(dc_offset_dbm=-125.0, sampling=sampling)
+    network = ss.RadarNetwork(radar, line(2, 0.4), (), (0.0, 90.0))
+    paths = ss.network_paths(network, points=(np.array([[25.0, 1.0, 0.0]]), np.zeros((1, 3)), np.ones(1)))
+    found = ss.synthesize_network(paths, network)
+    plain = ss.synthesize_network(paths, ss.RadarNetwork(RADAR, network.mounts))
+    constant = np.sqrt(10.0**-15.5 / 2.0) * (1.0 + 1.0j)
+    for pair, turn in (((0, 0), 1.0), ((0, 1), 1.0j), ((1, 0), -1.0j)):
+        want = plain.adc[pair] * turn + constant
+        want = want.real if sampling == "real" else want
+        assert np.abs(found.adc[pair] - want).max() < 1e-4 * np.abs(plain.adc[pair]).max()
+
+
+@pytest.mark.parametrize("waveform", [None, ss.Pmcw(num_chirps=4)])
+def test_an_oscillator_that_leads_turns_echoes_of_every_waveform(waveform) -> None:
+    """Of ramps transmit times conj(receive), of symbols as they arrive: the other way round."""
+    radar = RADAR if waveform is None else RADAR.with_(waveform=waveform)
+    network = ss.RadarNetwork(radar, line(2, 0.4), (), (0.0, 90.0))
+    paths = ss.network_paths(network, points=(np.array([[25.0, 1.0, 0.0]]), np.zeros((1, 3)), np.ones(1)))
+    found, plain = (ss.synthesize_network(paths, one) for one in (network, ss.RadarNetwork(radar, network.mounts)))
+    turn = 1.0j if waveform is None else -1.0j
+    level = np.abs(plain.adc[0, 1]).max()
+    assert np.abs(found.adc[0, 1] - turn * plain.adc[0, 1]).max() < 1e-4 * level
+
+
 def test_motion_is_focused_and_pairs_sum_by_power() -> None:
     network = ss.RadarNetwork(RADAR, line(3, 0.4))
     place, velocity = np.array([[25.0, 0.0, 0.0]]), np.array([[-9.0, 3.0, 0.0]])

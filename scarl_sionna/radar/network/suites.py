@@ -91,7 +91,10 @@ class RadarNetwork(Described):
         return self.time_offsets[pair[0]] - self.time_offsets[pair[1]]
 
     def turn(self, pair: Pair) -> complex:
-        """Return the factor of the beat signal by the phases of a pair's oscillators: that of the receiver leads."""
+        """Return the factor of the beat signal of ramps by a pair's oscillators: that of the receiver leads.
+
+        Of symbols, which are sampled as they arrive, the conjugate.
+        """
         return complex(np.exp(1j * np.radians(self.phases_deg[pair[1]] - self.phases_deg[pair[0]])))
 
 
@@ -197,10 +200,16 @@ def synthesize_network(
         seen = _clocked(some, network.delay(pair))
         own = pair[0] == pair[1]  # a radome sends back what its own radar sends
         radar = network.radar if own else network.radar.with_(array=network.radar.array.without_echo())
-        data = synthesize(seen, radar, rng, accuracy)
-        turn = network.turn(pair)
-        adc[pair] = data if turn == 1.0 else (data * turn).astype(np.complex64)
+        adc[pair] = synthesize(_turned(seen, network.turn(pair)), radar, rng, accuracy)
     return NetworkFrame(network, adc)
+
+
+def _turned(paths: RadarPaths, turn: complex) -> RadarPaths:
+    """Return paths whose beat signals, transmit times conj(receive), are turned before the receiver."""
+    if turn == 1.0:
+        return paths
+    every = ((name, getattr(paths, name)) for name in ("a", "tx_slope", "rx_slope"))
+    return replace(paths, **{name: value * np.conj(turn) for name, value in every if value is not None})
 
 
 def _clocked(paths: RadarPaths, delay: float) -> RadarPaths:
