@@ -194,6 +194,22 @@ def test_an_oscillator_that_leads_turns_echoes_of_every_waveform(waveform) -> No
     assert np.abs(found.adc[0, 1] - turn * plain.adc[0, 1]).max() < 1e-4 * level
 
 
+def test_ways_within_a_sensor_are_in_its_own_pair_alone() -> None:
+    leaky = RADAR.with_(leakage=(ss.Leakage(length=0.1, level_db=-40.0),))
+    network = ss.RadarNetwork(leaky, line(2, 0.4))
+    point = (np.array([[25.0, 1.0, 0.0]]), np.zeros((1, 3)), np.ones(1))
+    paths = ss.network_paths(network, points=point)
+    found = ss.synthesize_network(paths, network)
+    plain = ss.synthesize_network(paths, ss.RadarNetwork(RADAR, network.mounts))
+    level = np.sqrt(1e-3 * 10.0 ** ((RADAR.front_end.tx_power_dbm - 40.0) / 10.0))
+    for number in (0, 1):
+        own = found.adc[number, number] - plain.adc[number, number]
+        assert np.abs(own) == pytest.approx(np.full(own.shape, level), rel=1e-3)
+        assert np.array_equal(found.adc[number, 1 - number], plain.adc[number, 1 - number])
+    alone = ss.point_targets(*point, leaky, network.mounts[0], receiver=network.mounts[1])
+    assert np.array_equal(ss.synthesize(alone, leaky), plain.adc[0, 1])
+
+
 def test_motion_is_focused_and_pairs_sum_by_power() -> None:
     network = ss.RadarNetwork(RADAR, line(3, 0.4))
     place, velocity = np.array([[25.0, 0.0, 0.0]]), np.array([[-9.0, 3.0, 0.0]])

@@ -195,11 +195,9 @@ def synthesize_network(
     ----------
     .. [1] J. Li, P. Stoica, *MIMO Radar Signal Processing*, Wiley, 2009.
     """
-    adc = {}
+    radar, adc = network.radar, {}
     for pair, some in paths.items():
         seen = _clocked(some, network.delay(pair))
-        own = pair[0] == pair[1]  # a radome sends back what its own radar sends
-        radar = network.radar if own else network.radar.with_(array=network.radar.array.without_echo())
         adc[pair] = synthesize(_turned(seen, network.turn(pair)), radar, rng, accuracy)
     return NetworkFrame(network, adc)
 

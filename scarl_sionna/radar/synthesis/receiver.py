@@ -80,10 +80,11 @@ def received(
     else:
         lines = Oscillators(alone, rng)
         total = _with_lines(paths, plain, lines, signal, rng is not None)
-    for way in front.leakage:
-        total += _leak(way.length, way.level_db, way.phase_deg, plain, lines)
-    if radar.array.has_echo:
-        total += _radome_echo(plain, lines)
+    if paths.is_monostatic:  # a separate receiver has no way within the sensor
+        for way in front.leakage:
+            total += _leak(way.length, way.level_db, way.phase_deg, plain, lines)
+        if radar.array.has_echo:
+            total += _radome_echo(plain, lines)
     return receive(total, radar, rng)
 
 
