@@ -194,6 +194,52 @@ def test_an_oscillator_that_leads_turns_echoes_of_every_waveform(waveform) -> No
     assert np.abs(found.adc[0, 1] - turn * plain.adc[0, 1]).max() < 1e-4 * level
 
 
+def echoes_of_two(radar, distance: float = 3.0, seed: int = 4):
+    """Phases of an echo in all pairs of two radars, from what they are without errors."""
+    places = line(2, 0.4)
+    networks = [ss.RadarNetwork(one, places) for one in (radar, radar.with_(front_end=radar.front_end.ideal()))]
+    paths = ss.network_paths(networks[0], points=(np.array([[distance, 0.0, 0.0]]), np.zeros((1, 3)), np.full(1, 1e12)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ss.ScarlWarning)  # more than is sent
+        noisy = ss.synthesize_network(paths, networks[0], np.random.default_rng(seed))
+        clean = ss.synthesize_network(paths, networks[1])
+        one = ss.synthesize(paths[0, 1], radar, np.random.default_rng(seed))
+    turned = {pair: np.angle(data * clean.adc[pair].conj())[0] for pair, data in noisy.adc.items()}
+    return turned, np.angle(one * clean.adc[0, 1].conj())[0]
+
+
+def test_each_radar_has_an_oscillator_of_its_own_in_all_its_pairs() -> None:
+    """A flat mask S a few metres away: 2 S f_s of two oscillators, 2 S f_s (1 - sinc(f_s tau)) of one."""
+    level = 10.0**-10.5
+    radar = RADAR.with_(num_chirps=128, phase_noise=ss.PhaseNoise(mask=((1e6, -105.0),)), noise_figure_db=0.0)
+    turned, alone = echoes_of_two(radar)
+    apart = 2.0 * level * radar.sample_rate
+    near = apart * (1.0 - np.sinc(radar.sample_rate * 6.0 / SPEED_OF_LIGHT))
+    for pair, want in (((0, 0), near), ((1, 1), near), ((0, 1), apart), ((1, 0), apart)):
+        assert turned[pair].var() == pytest.approx(want, rel=0.05)
+    assert alone.var() == pytest.approx(apart, rel=0.05)  # one pair alone
+    # there and back the same two: what is left of the sum is the range correlation of both
+    assert (turned[0, 1] + turned[1, 0]).var() == pytest.approx(2.0 * near, rel=0.05)
+
+
+def test_ramps_of_each_radar_jitter_by_themselves() -> None:
+    """Starts that differ by d shift the beat by S d, the other way in the other sense."""
+    jitter = 1e-10
+    radar = RADAR.with_(num_chirps=512, chirp_errors=ss.ChirpErrors(start_jitter=jitter), noise_figure_db=0.0)
+    turned, alone = echoes_of_two(radar)
+    ts = radar.waveform.sweep.first + np.arange(radar.num_samples) / radar.sample_rate
+    slope = radar.waveform.chirp_slope
+    sums = [np.polyfit(ts, turned[pair].T, 1) / (2.0 * np.pi * slope) for pair in ((0, 1), (1, 0))]
+    assert sums[0][0].std() == pytest.approx(np.sqrt(2.0) * jitter, rel=0.1)
+    assert sums[0][0] == pytest.approx(-sums[1][0], abs=0.01 * jitter)
+    assert np.polyfit(ts, alone.T, 1)[0].std() / (2.0 * np.pi * slope) == pytest.approx(np.sqrt(2.0) * jitter, rel=0.1)
+    delay = 2.0 * np.hypot(3.0, 0.2) / SPEED_OF_LIGHT
+    for pair in ((0, 0), (1, 1)):  # one ramp for both: 2 pi S tau d
+        assert turned[pair].mean(axis=1).std() == pytest.approx(2.0 * np.pi * slope * delay * jitter, rel=0.1)
+    both = turned[0, 0].mean(axis=1) + turned[1, 1].mean(axis=1)
+    assert (turned[0, 1] + turned[1, 0]).mean(axis=1) == pytest.approx(both, abs=0.02 * float(both.std()))
+
+
 def test_ways_within_a_sensor_are_in_its_own_pair_alone() -> None:
     leaky = RADAR.with_(leakage=(ss.Leakage(length=0.1, level_db=-40.0),))
     network = ss.RadarNetwork(leaky, line(2, 0.4))

@@ -21,7 +21,8 @@ from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.sbr.solve import of_both_senses
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
-from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.radar.synthesis import raw_data
+from scarl_sionna.radar.synthesis.receiver import oscillators
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -178,7 +179,8 @@ def synthesize_network(
         Of :func:`network_paths`.
     network : RadarNetwork
     rng : numpy.random.Generator, optional
-        Of the receivers' noise, independent for each pair.
+        Of phase noise and jitter, where the front end has them: each radar's own, shared by all its pairs; and of the
+        receivers' noise, independent for each pair.
     accuracy : Accuracy
 
     Raises
@@ -196,9 +198,12 @@ def synthesize_network(
     .. [1] J. Li, P. Stoica, *MIMO Radar Signal Processing*, Wiley, 2009.
     """
     radar, adc = network.radar, {}
+    lines = [oscillators(radar, rng) for _ in network.mounts]
     for pair, some in paths.items():
+        sent, own = (lines[number] for number in pair)
+        both = None if sent is None or own is None else sent.heard_by(own)
         seen = _clocked(some, network.delay(pair))
-        adc[pair] = synthesize(_turned(seen, network.turn(pair)), radar, rng, accuracy)
+        adc[pair] = raw_data(_turned(seen, network.turn(pair)), radar, rng, accuracy, lines=both)
     return NetworkFrame(network, adc)
 
 

@@ -25,6 +25,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT, dbm_to_watt, watt_to_dbm
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.radome import settled
+from scarl_sionna.signal.front_end.oscillators import Oscillators
 from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
@@ -107,9 +108,29 @@ def synthesize(
     expect_generator(rng, needed=False)
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
+    return raw_data(paths, radar, rng, accuracy, method)
+
+
+def raw_data(
+    paths: RadarPaths,
+    radar: RadarSpec,
+    rng: np.random.Generator | None,
+    accuracy: Accuracy,
+    method: Literal["nufft", "direct"] = "nufft",
+    lines: Oscillators | None = None,
+) -> npt.NDArray[np.complex64]:
+    """Return what :func:`synthesize` does, with the phases of oscillators and ramps that several frames share.
+
+    Parameters
+    ----------
+    paths, radar, rng, accuracy, method
+        As of :func:`synthesize`, not checked.
+    lines : Oscillators, optional
+        Left out: drawn, if the front end has any.
+    """
     codes = codes_of(radar)
     if not radar.front_end.is_ideal or radar.array.has_echo or radar.adc.is_real:
-        return received(paths, radar, rng, lambda some, ideal: alone(some, ideal, accuracy, method, codes))
+        return received(paths, radar, rng, lambda some, ideal: alone(some, ideal, accuracy, method, codes), lines)
     adc = alone(paths, radar.separated, accuracy, method, codes)
     if radar.multiplexing.is_coded:
         adc = multiplex(adc, radar)

@@ -40,6 +40,7 @@ def received(
     radar: RadarSpec,
     rng: np.random.Generator | None,
     signal: Callable[[RadarPaths, RadarSpec], Adc],
+    lines: Oscillators | None = None,
 ) -> Adc:
     """Return the raw data of a radar whose front end is not ideal, whose radome sends something back, or that has no Q.
 
@@ -51,6 +52,8 @@ def received(
         None leaves out all that is random: thermal and phase noise, jitter.
     signal : callable
         Paths and a radar with an ideal front end -> its raw data without noise.
+    lines : Oscillators, optional
+        Phases of its oscillators and ramps; drawn if left out (:func:`oscillators`).
 
     Returns
     -------
@@ -73,19 +76,23 @@ def received(
     )
     if radar.adc.is_real and (radar.front_end.filters is None or radar.front_end.filters.low_pass is None):
         paths = below_half_rate(paths, radar)
-    front = radar.front_end
-    if front.phase_noise is None and front.chirp_errors is None:
-        total = signal(paths, plain)
-        lines = None
-    else:
-        lines = Oscillators(alone, rng)
-        total = _with_lines(paths, plain, lines, signal, rng is not None)
+    if lines is None:
+        lines = oscillators(radar, rng)
+        if lines is not None and not paths.is_monostatic:
+            lines = Oscillators(alone, rng).heard_by(lines)
+    total = signal(paths, plain) if lines is None else _with_lines(paths, plain, lines, signal, rng is not None)
     if paths.is_monostatic:  # a separate receiver has no way within the sensor
-        for way in front.leakage:
+        for way in radar.front_end.leakage:
             total += _leak(way.length, way.level_db, way.phase_deg, plain, lines)
         if radar.array.has_echo:
             total += _radome_echo(plain, lines)
     return receive(total, radar, rng)
+
+
+def oscillators(radar: RadarSpec, rng: np.random.Generator | None) -> Oscillators | None:
+    """Return the phases of a radar's oscillators and ramps in a frame, by its front end; None if there are none."""
+    front = radar.front_end
+    return None if front.phase_noise is None and front.chirp_errors is None else Oscillators(radar.separated, rng)
 
 
 def _with_lines(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
@@ -35,7 +37,7 @@ def residual_density(noise: PhaseNoise, frequency: Array, delay: float) -> Array
 
 
 class Oscillators:
-    """Phases of a frame's oscillators.
+    r"""Phases of a frame's oscillators, and starts of its ramps.
 
     Parameters
     ----------
@@ -54,8 +56,14 @@ class Oscillators:
     A record of the phase runs over the whole frame at the sample rate, so that chirps are correlated as far as the mask
     says. An echo of delay tau has the phase ``phi_rx(t) - phi_tx(t - tau)``, exactly, for any tau; with one oscillator
     that is the range correlation ``4 sin(pi f tau)**2``. Offsets beyond half the sample rate are left out, as behind an
-    ideal filter. Starts of ramps are rounded to samples, the same for both terms. A ramp that starts late by d has the
+    ideal filter. Starts of ramps are rounded to samples, the same for both terms. A ramp that starts early by d has the
     beat phase ``2 pi slope tau d``, a ripple of phase theta ``theta(t_s) - theta(t_s - tau)``.
+
+    What one radar sends and another hears (:meth:`heard_by`) has the oscillators and starts of each: phases that are
+    independent whatever the delay, and for ramps that start early by :math:`d_t` and :math:`d_r`, while their carriers
+    run on,
+
+    .. math:: 2 \pi S \, [\tau d_t - (d_t - d_r) t_s - (d_t^2 - d_r^2) / 2]
 
     Symbols are sampled as they arrive, mixed with the receiver's oscillator: their phase is the opposite one. Periods
     that are averaged have the mean of its phasors.
@@ -83,7 +91,24 @@ class Oscillators:
                 self._spectra[number] = sigma * (draws[0] + 1j * draws[1])
         shape = (radar.num_chirps, radar.num_tx)
         jitter = errors.start_jitter if errors is not None and rng is not None else 0.0
-        self._late = rng.normal(0.0, jitter, shape) if jitter and rng is not None else np.zeros(shape)
+        self._early = rng.normal(0.0, jitter, shape) if jitter and rng is not None else np.zeros(shape)
+        self._sent, self._sent_early = self._spectra, self._early
+
+    def heard_by(self, receiver: Oscillators) -> Oscillators:
+        """Return the phases of what this radar sends in the receiver of a radar, that one's own or another's.
+
+        By definition each has its own oscillators and starts of ramps.
+        """
+        if receiver is self:
+            return self
+        pair = copy.copy(receiver)
+        pair._sent, pair._sent_early = self._spectra, self._early
+        return pair
+
+    @property
+    def _are_two(self) -> bool:
+        """Whether transmitters and receivers are those of two radars."""
+        return self._sent is not self._spectra
 
     @property
     def _repetitions(self) -> int:
@@ -109,13 +134,18 @@ class Oscillators:
         out = np.zeros((radar.num_chirps, self._window))
         if self._spectra:
             turn = np.exp(-2j * np.pi * self._frequency * delay)
-            record = scipy.fft.irfft(self._spectra[self.rx[rx]] - self._spectra[self.tx[tx]] * turn, self._count)
+            record = scipy.fft.irfft(self._spectra[self.rx[rx]] - self._sent[self.tx[tx]] * turn, self._count)
             start = np.arange(radar.num_chirps) * radar.doppler_interval + radar.tx_delay(tx)
             start += np.asarray(radar.waveform.chirp_delays or 0.0)
             out += record[np.rint(start * radar.sample_rate).astype(np.intp)[:, None] + np.arange(self._window)]
         errors = radar.front_end.chirp_errors
         if errors is not None:
-            out += 2.0 * np.pi * radar.waveform.sweep.slope * delay * self._late[:, tx, None]
+            slope, early = radar.waveform.sweep.slope, self._sent_early[:, tx, None]
+            out += 2.0 * np.pi * slope * delay * early
+            if self._are_two:
+                own = self._early[:, tx, None]
+                after = radar.waveform.sweep.first + np.arange(radar.num_samples) / radar.sample_rate
+                out -= 2.0 * np.pi * slope * (early - own) * (after + 0.5 * (early + own))
             time = np.arange(radar.num_samples) / radar.sample_rate
             rate = 2.0 * np.pi * errors.ripple_periods * radar.sample_rate / radar.num_samples
             peak = 2.0 * np.pi * errors.ripple_frequency_error / rate
@@ -127,11 +157,15 @@ class Oscillators:
         front, radar, total = self.radar.front_end, self.radar, 0.0
         if self._spectra and front.phase_noise is not None:
             step = self._frequency[1]
-            if len(self._spectra) > 1:
+            if len(self._spectra) > 1 or self._are_two:
                 total += float(4.0 * mask_density(front.phase_noise, self._frequency[1:]).sum() * step)
             else:
                 total += float(2.0 * residual_density(front.phase_noise, self._frequency[1:], delay).sum() * step)
         if front.chirp_errors is not None:
-            late = 2.0 * np.pi * radar.waveform.sweep.slope * delay * front.chirp_errors.start_jitter
-            total += late**2 + (2.0 * np.pi * front.chirp_errors.ripple_frequency_error * delay) ** 2
+            turn = 2.0 * np.pi * radar.waveform.sweep.slope * front.chirp_errors.start_jitter
+            early = (turn * delay) ** 2
+            if self._are_two:
+                after = radar.waveform.sweep.first + np.arange(radar.num_samples) / radar.sample_rate
+                early = float(np.mean((turn * (delay - after)) ** 2 + (turn * after) ** 2))
+            total += early + (2.0 * np.pi * front.chirp_errors.ripple_frequency_error * delay) ** 2
         return total
