@@ -33,7 +33,7 @@ def actor_pose(odometry: Any) -> ss.ActorPose:  # noqa: ANN401  # a message of R
 
 
 def scan_rows(frame: ss.Frame, name: str) -> list[dict[str, float]]:
-    """Return the fields of each radar_msgs/RadarReturn; its azimuth is positive to the right."""
+    """Return the fields of each radar_msgs/RadarReturn; its azimuth is positive to the left."""
     fields = scan_columns(detection_columns(frame, frame.radars[name], PFA))
     return [dict(zip(fields, map(float, row), strict=True)) for row in zip(*fields.values(), strict=True)]
 

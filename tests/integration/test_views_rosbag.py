@@ -223,7 +223,8 @@ def test_what_cannot_be_is_refused_and_leaves_nothing(tmp_path, monkeypatch) -> 
     assert not list(tmp_path.iterdir())
 
 
-def test_scans_of_radar_msgs_have_their_azimuth_to_the_right(bag) -> None:
+def test_scans_of_radar_msgs_have_their_azimuth_to_the_left(bag) -> None:
+    """As RadarReturn of radar_msgs 0.1.0 to 0.2.2 says: anticlockwise from the sensor, by REP 103."""
     for frame, (_, message), (_, cloud) in zip(
         FRAMES, bag["/front_center/radar/scan"], bag["/front_center/radar/detections"], strict=True
     ):
@@ -231,8 +232,8 @@ def test_scans_of_radar_msgs_have_their_azimuth_to_the_right(bag) -> None:
         points = sensed_points(frame, frame.results[RADAR]).points
         rows = np.array([[r.range, r.azimuth, r.elevation, r.doppler_velocity, r.amplitude] for r in message.returns])
         assert len(rows) == points.num_points == cloud.width > 0
-        r, right, up = rows[:, 0], rows[:, 1], rows[:, 2]
-        place = np.stack([np.cos(up) * np.cos(right), -np.cos(up) * np.sin(right), np.sin(up)], axis=1) * r[:, None]
+        r, left, up = rows[:, 0], rows[:, 1], rows[:, 2]
+        place = np.stack([np.cos(up) * np.cos(left), np.cos(up) * np.sin(left), np.sin(up)], axis=1) * r[:, None]
         np.testing.assert_allclose(place, points.position, atol=1e-3)  # float32
         np.testing.assert_allclose(rows[:, 3], points.radial_velocity, atol=1e-4)
         np.testing.assert_allclose(rows[:, 4], points.snr_db, atol=1e-3)

@@ -29,8 +29,8 @@ def test_a_frame_becomes_a_scan_and_a_cloud() -> None:
     rows, cloud = scan_rows(frame, name), cloud_fields(frame, name)
     assert len(rows) == cloud["width"] == points.num_points > 0
     first = rows[0]
-    right = -first["range"] * np.cos(first["elevation"]) * np.sin(first["azimuth"])
-    assert right == pytest.approx(points.position[0, 1], abs=1e-3)
+    left = first["range"] * np.cos(first["elevation"]) * np.sin(first["azimuth"])
+    assert left == pytest.approx(points.position[0, 1], abs=1e-3)
     assert [key for key, _ in cloud["fields"]][:3] == ["x", "y", "z"] and len(cloud["data"]) == cloud["row_step"]
     read = np.frombuffer(cloud["data"], "<f4").reshape(points.num_points, -1)
     np.testing.assert_allclose(read[:, :3], points.position, rtol=1e-6)

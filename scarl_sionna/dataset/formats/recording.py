@@ -112,12 +112,12 @@ def about_image(scan: RadarScan) -> dict[str, Any]:
 
 
 def scan_columns(detections: Columns) -> dict[str, Any]:
-    """Return the fields of radar_msgs/RadarReturn of detections, in their order; azimuth is positive to the right."""
+    """Return the fields of radar_msgs/RadarReturn of detections, in their order; azimuth is positive to the left."""
     x, y, z = (np.asarray(detections[axis], dtype=np.float64) for axis in "xyz")
     across = np.hypot(x, y)
     return {
         "range": np.hypot(across, z),
-        "azimuth": -np.arctan2(y, x),
+        "azimuth": np.arctan2(y, x),
         "elevation": np.arctan2(z, across),
         "doppler_velocity": detections["radial_velocity"],
         "amplitude": detections["snr_db"],

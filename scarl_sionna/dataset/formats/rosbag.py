@@ -2,7 +2,7 @@
 
 References
 ----------
-.. [1] ROS 2 common_interfaces (sensor_msgs, nav_msgs, visualization_msgs, tf2_msgs), radar_msgs 0.2.1, Humble; REP 103
+.. [1] ROS 2 common_interfaces (sensor_msgs, nav_msgs, visualization_msgs, tf2_msgs), radar_msgs 0.2.2, Humble; REP 103
        and 105: axes.
 """
 
