@@ -13,6 +13,7 @@ import numpy.typing as npt
 import scarl_sionna as ss
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.dataset.derived.radar_points import velocity_over_ground
 from scarl_sionna.dataset.readers.reader import Dataset, StoredFrame
 from scarl_sionna.dataset.statistics.groups import GROUP_OF_SEMANTIC, weather_name
 from scarl_sionna.signal.angle import RangeDopplerAngle
@@ -149,9 +150,7 @@ def radar_inputs(frame: StoredFrame, sensor: str, grid: PolarGrid = GRID) -> tup
     rda = ss.range_doppler_angle(ss.virtual_cube(radar.adc, radar.spec), radar.spec)
     found = ss.detect(rda, radar.spec)
     unit = found.position / np.maximum(found.range, 1e-9)[:, None]
-    interval = 2.0 * radar.spec.unambiguous_velocity
-    velocity = found.radial_velocity + unit @ own
-    velocity -= interval * np.rint(velocity / interval)
+    velocity = velocity_over_ground(found, own)
     columns = [
         found.range / grid.max_range,
         unit[:, 1],

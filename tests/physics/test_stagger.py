@@ -62,6 +62,7 @@ def test_a_point_of_any_velocity_is_found_once(name, multiplexing, speed) -> Non
     assert points.range[0] == pytest.approx(30.0, abs=0.05 * radar.range_resolution)
     assert np.sin(points.azimuth[0]) == pytest.approx(SIGHT[1], abs=0.05 * 2.0 / 12)
     assert 10.0 * np.log10(points.rcs[0]) == pytest.approx(30.0, abs=0.5)
+    assert points.velocity_interval[0] >= 1.999 * radar.unfolded_velocity
     paths.instance[:] = 4
     labels = ss.label_points(points, paths, radar)
     assert labels.instance[0] == 4 and labels.explained[0] == pytest.approx(1.0, abs=0.3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.array import HALF_WAVE, AntennaArray, uniform_line
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.dataset.derived.radar_points import velocity_over_ground
 from scarl_sionna.radar.labels.labels import label_points
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
@@ -38,6 +41,24 @@ def test_three_transmitters_see_three_intervals(velocity):
     assert points.range[0] == pytest.approx(30.0, abs=0.05 * RADAR.range_resolution)
     assert np.degrees(points.azimuth[0]) == pytest.approx(20.0, abs=0.3)
     assert 10.0 * np.log10(points.rcs[0]) == pytest.approx(10.0, abs=0.4)
+    assert points.velocity_interval[0] == pytest.approx(6.0 * RADAR.unambiguous_velocity)
+
+
+@pytest.mark.parametrize(("over_ground", "own"), [(13.8, 10.0), (13.8, 12.0), (-12.0, 10.0), (0.0, 10.0), (24.0, 20.0)])
+def test_velocity_over_ground_is_within_the_interval_that_a_point_tells(over_ground, own):
+    """Folded to +-8.5 m/s a car that departs with 13.8 m/s closed with 3.2 m/s."""
+    ahead = np.array([own, 0.0, 0.0])
+    points = points_of(target(RADAR, over_ground - own, 0.0), RADAR)
+    assert velocity_over_ground(points, ahead)[0] == pytest.approx(over_ground, abs=0.05)
+
+
+def test_of_a_point_that_tells_no_interval_the_velocity_over_ground_is_within_that_of_the_map():
+    ahead, paths = np.array([10.0, 0.0, 0.0]), target(RADAR, -10.0, 0.0)  # at rest
+    weak = replace(paths, a=paths.a * 10.0 ** (-30.0 / 20.0))  # 10 dB over the noise of a beam
+    for points in (points_of(weak, RADAR, pfa=1e-3), points_of(paths, RADAR, unfold=False)):
+        assert points.velocity_interval[0] == pytest.approx(2.0 * RADAR.unambiguous_velocity)
+        assert points.radial_velocity[0] == pytest.approx(2.0 * RADAR.unambiguous_velocity - 10.0, abs=0.1)
+        assert velocity_over_ground(points, ahead)[0] == pytest.approx(0.0, abs=0.3)  # its direction is wrong, too
 
 
 def test_without_it_range_and_angle_are_wrong():

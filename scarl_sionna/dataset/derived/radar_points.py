@@ -47,16 +47,32 @@ def sensor_velocity(frame: Frame, world_from_sensor: Pose) -> Array:
     return world_from_sensor.inverse().rotate(twist.velocity_at(lever))
 
 
-def sensed_points(frame: Frame, radar: RadarFrame, pfa: float = 1e-6) -> SensedPoints:
-    """Return the detections of a radar of a frame, with radial velocities over ground.
+def velocity_over_ground(points: RadarPoints, velocity: Array) -> Array:
+    """Return radial velocities with the radar's own motion taken out, shape (num_points,) [m/s].
 
-    The compensated velocity is folded to the radar's unambiguous interval about 0: what stands still is near 0 also
-    where the vehicle is faster than that interval.
+    Folded about 0 to the interval that each point's velocity is known modulo: what stands still is near 0 also where
+    the vehicle is faster than that interval. By definition of `RadarPoints.velocity_interval`.
+
+    Parameters
+    ----------
+    points : RadarPoints
+        Those without `velocity_interval` stay unfolded.
+    velocity : ndarray of float64, shape (3,)
+        The radar's own, in its axes [m/s].
     """
+    over_ground = points.radial_velocity + _direction(points) @ velocity
+    if points.velocity_interval is not None:
+        over_ground -= points.velocity_interval * np.rint(over_ground / points.velocity_interval)
+    return np.asarray(over_ground)
+
+
+def _direction(points: RadarPoints) -> Array:
+    """Return unit vectors towards points, shape (num_points, 3)."""
+    return np.asarray(points.position / np.maximum(points.range, 1e-9)[:, None])
+
+
+def sensed_points(frame: Frame, radar: RadarFrame, pfa: float = 1e-6) -> SensedPoints:
+    """Return the detections of a radar of a frame, with velocities by :func:`velocity_over_ground`."""
     points = radar_points(radar, pfa)
-    direction = points.position / np.maximum(points.range, 1e-9)[:, None]
-    own = direction @ sensor_velocity(frame, radar.world_from_sensor)
-    interval = 2.0 * radar.spec.unambiguous_velocity
-    over_ground = points.radial_velocity + own
-    over_ground -= interval * np.rint(over_ground / interval)
-    return SensedPoints(points, direction, over_ground)
+    over_ground = velocity_over_ground(points, sensor_velocity(frame, radar.world_from_sensor))
+    return SensedPoints(points, _direction(points), over_ground)

@@ -26,6 +26,15 @@ def is_clear(top: Array, seen: Array, noise_power: float) -> npt.NDArray[np.bool
     return np.asarray((top > 10.0 ** (TOLD_APART_DB / 10.0) * seen) & (top - seen > _MARGIN_NOISE * noise_power))
 
 
+def is_told(power: Array, noise_power: float) -> npt.NDArray[np.bool_]:
+    """Return whether one interval's beam stands out from those of all others: which one it is is known, not assumed.
+
+    By definition of the margins; `power` [W] has one row an interval.
+    """
+    ordered = np.sort(power, axis=0)
+    return is_clear(ordered[-1], ordered[-2], noise_power)
+
+
 def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
     """Return cells with the intervals that their velocities are off.
 
@@ -40,7 +49,8 @@ def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
     -------
     Cells
         With `fold` set; 0 where the velocity seen explains the phases as well, for transmitters that send at once, and
-        where a map is no plain transform of even chirps with motion compensated.
+        where a map is no plain transform of even chirps with motion compensated. `told` is the number of intervals
+        tried where one stands out, and 1 elsewhere.
 
     Notes
     -----
@@ -66,4 +76,5 @@ def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
     best, seen = power.argmax(axis=0), power[count // 2]
     top = power.max(axis=0)
     fold = np.where(is_clear(top, seen, noise_power), tried[best], 0)
-    return replace(cells, fold=fold.astype(np.int64)).wrapped()
+    told = np.where(is_told(power, noise_power), float(count), 1.0)
+    return replace(cells, fold=fold.astype(np.int64), told=told).wrapped()

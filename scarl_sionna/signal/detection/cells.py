@@ -48,6 +48,8 @@ class Cells:
         [sqrt(W)].
     num_intervals : int
         Unambiguous intervals that are told apart, which velocities stay within.
+    told : ndarray of float64, shape (num_targets,), or None
+        Unambiguous intervals that each velocity is known modulo; None: one.
     """
 
     rd: RangeDoppler
@@ -57,6 +59,7 @@ class Cells:
     fold: npt.NDArray[np.int64]
     own: Phasors | None = None
     num_intervals: int = 1
+    told: Array | None = None
 
     @classmethod
     def of(cls, rd: RangeDoppler, power: npt.NDArray[np.float32], row: Index, column: Index) -> Cells:
@@ -70,14 +73,15 @@ class Cells:
             np.concatenate([getattr(part, name) for part in (first, second)]) for name in ("row", "column", "fold")
         )
         offset = tuple(np.concatenate(axes) for axes in zip(first.offset, second.offset, strict=True))
-        return replace(first, row=row, column=column, offset=(offset[0], offset[1]), fold=fold, own=None)
+        told = np.concatenate([part.period for part in (first, second)])
+        return replace(first, row=row, column=column, offset=(offset[0], offset[1]), fold=fold, own=None, told=told)
 
     def select(self, index: npt.NDArray[np.integer] | npt.NDArray[np.bool_]) -> Cells:
         """Return some of the targets."""
         offset = (self.offset[0][index], self.offset[1][index])
         own = None if self.own is None else self.own[index]
         row, column, fold = self.row[index], self.column[index], self.fold[index]
-        return replace(self, row=row, column=column, offset=offset, fold=fold, own=own)
+        return replace(self, row=row, column=column, offset=offset, fold=fold, own=own, told=self.period[index])
 
     def wrapped(self) -> Cells:
         """Return the cells with velocities within the intervals that are told apart.
@@ -91,6 +95,11 @@ class Cells:
         cycles = (self.row - rows // 2 + self.offset[0]) / rows + self.fold
         beyond = np.floor(cycles / self.num_intervals + 0.5).astype(np.int64) * (rows > 1)
         return replace(self, fold=self.fold - self.num_intervals * beyond)
+
+    @property
+    def period(self) -> Array:
+        """Unambiguous intervals that velocities are known modulo, shape (num_targets,)."""
+        return np.ones(len(self.row)) if self.told is None else self.told
 
     @property
     def doppler(self) -> Array:

@@ -212,6 +212,7 @@ def _table(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, sines: Array,
         "snr_db": power_to_db(received * straddle_gain(cells) / rda.noise_power),
         "rcs": cross_section(radar, sines, distance, received),
         "cell": cells.row * len(rda.range) + cells.column,
+        "velocity_interval": cells.period * (2.0 * rda.channels.radar.unambiguous_velocity),
     }
     order = np.argsort(-received, kind="stable")
     return RadarPoints(**{name: values[order] for name, values in table.items()})

@@ -29,6 +29,7 @@ class RadarPoints(
         "power": "W",
         "snr_db": "dB",
         "rcs": "m2",
+        "velocity_interval": "m/s",
     },
 ):
     """Detections of one frame, strongest first; every array has one row a point.
@@ -40,7 +41,7 @@ class RadarPoints(
     range, azimuth, elevation : ndarray of float64, shape (num_points,)
         [m], [rad], [rad]; elevation is 0 where the array has no vertical extent.
     radial_velocity : ndarray of float64, shape (num_points,)
-        Positive when opening, modulo the interval that the radar can tell [m/s].
+        Positive when opening, modulo `velocity_interval` [m/s].
     power : ndarray of float64, shape (num_points,)
         Received by one channel [W].
     snr_db : ndarray of float64, shape (num_points,)
@@ -51,6 +52,9 @@ class RadarPoints(
     cell : ndarray of int64, shape (num_points,), or None
         Number of the map's cell that a point was found in, counted along range, then Doppler; several directions of a
         cell have the same one. None for points that are of no map.
+    velocity_interval : ndarray of float64, shape (num_points,), or None
+        Interval that the radial velocity is known modulo [m/s]: that of the map, or the wider one of time division and
+        of staggered chirps where the point tells which it is. None for points that are of no map.
     """
 
     position: Array
@@ -62,6 +66,7 @@ class RadarPoints(
     snr_db: Array
     rcs: Array
     cell: npt.NDArray[np.int64] | None = None
+    velocity_interval: Array | None = None
 
     def _facts(self) -> Iterable[Row]:
         yield "num_points", f"{self.num_points}, strongest first"

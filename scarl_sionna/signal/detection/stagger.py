@@ -15,7 +15,7 @@ from ..peaks import parabola_offset
 from ..processing import RangeDoppler, bins_a_hertz, uncompensated
 from ..uneven import chirp_times, doppler_matrix, middle_time
 from ..windows import window_values
-from .ambiguity import is_clear
+from .ambiguity import is_clear, is_told
 from .cells import Cells, beat_place, transmit_delays
 from .subbin import ToneAxis
 
@@ -61,7 +61,7 @@ def resolved(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
     Returns
     -------
     Cells
-        With `fold` and `own` set.
+        With `fold`, `own` and `told` set.
 
     Notes
     -----
@@ -97,25 +97,29 @@ def resolved(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
             best = here
         doppler = frame.refined(samples, base[row] + folds[best] / frame.interval, cells.distance[row])
         start, values = frame.placed(int(column[row]), doppler, near, cells.distance[row])
-        found.append(_Found(int(row), int(folds[best]), doppler, start, values))
+        told = frame.span * frame.interval if len(power) > 1 and is_told(power, noise_power) else 1.0
+        found.append(_Found(int(row), int(folds[best]), doppler, start, values, told))
     return _moved(cells, found)
 
 
 class _Found(NamedTuple):
-    """A target: which cell, its interval, Doppler frequency [Hz], range at the frame's start [bins] and values."""
+    """A target: which cell, its interval, Doppler frequency [Hz], range at the frame's start [bins], values, period."""
 
     number: int
     fold: int
     doppler: float
     start: float
     values: Complex
+    told: float
 
 
 def _moved(cells: Cells, found: list[_Found]) -> Cells:
     """Return the cells that were found, in their first order."""
     found = sorted(found, key=lambda item: item.number)
     kept = cells.select(np.array([item.number for item in found]))
-    fold, doppler, start = (np.array([getattr(item, name) for item in found]) for name in ("fold", "doppler", "start"))
+    fold, doppler, start, told = (
+        np.array([getattr(item, name) for item in found]) for name in ("fold", "doppler", "start", "told")
+    )
     rows, columns = len(cells.rd.radial_velocity), cells.rd.data.shape[2]
     offset = (doppler * cells.rd.radar.slow_interval - fold) * rows - (kept.row - rows // 2)
     moved = replace(kept, fold=np.zeros_like(fold), offset=(offset, kept.offset[1]))
@@ -124,7 +128,8 @@ def _moved(cells: Cells, found: list[_Found]) -> Cells:
     if not cells.rd.is_compensated:
         place = place + shift * moved.doppler
     place = np.mod(place + 0.5 * columns, columns) - 0.5 * columns
-    return replace(moved, fold=fold, offset=(offset, place), own=np.stack([item.values for item in found]))
+    own = np.stack([item.values for item in found])
+    return replace(moved, fold=fold, offset=(offset, place), own=own, told=told)
 
 
 @dataclass(frozen=True, eq=False)

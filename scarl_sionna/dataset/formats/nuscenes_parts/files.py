@@ -25,7 +25,7 @@ RADAR_FIELDS = (
     ("x_rms", "i1"), ("y_rms", "i1"), ("invalid_state", "i1"), ("pdh0", "i1"), ("vx_rms", "i1"), ("vy_rms", "i1"),
 )  # fmt: skip # a table
 """The 18 fields of a radar point."""
-MOVING, STATIONARY, ONCOMING, UNAMBIGUOUS, VALID, LEAST_FALSE = 0, 1, 2, 3, 0, 1
+MOVING, STATIONARY, ONCOMING, AMBIGUOUS, UNAMBIGUOUS, VALID, LEAST_FALSE = 0, 1, 2, 1, 3, 0, 1
 
 LIDAR_FROM_VEHICLE_AXES = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """nuScenes' lidar has x right, y forward, z up."""
@@ -71,6 +71,8 @@ def radar_file(sensed: SensedPoints, radar: RadarSpec) -> bytes:
 
     An RCS that is not known is `UNKNOWN_RCS_DBSM`: readers take a cloud whose first point has a nan as empty.
 
+    A point is ambiguous where its velocity is known modulo less than ``2 radar.unfolded_velocity``.
+
     The file ends with one byte after the last point, which the reader asks for. Without detections it holds one point
     of nan, which the reader takes for none.
     """
@@ -86,7 +88,9 @@ def radar_file(sensed: SensedPoints, radar: RadarSpec) -> bytes:
         rows["dyn_prop"] = np.where(still, STATIONARY, np.where(sensed.compensated_velocity > 0, MOVING, ONCOMING))
         rows["id"] = np.arange(count) % 2**15
         rows["rcs"] = np.where(np.isnan(points.rcs), UNKNOWN_RCS_DBSM, power_to_db(points.rcs))
-        rows["is_quality_valid"], rows["ambig_state"] = 1, UNAMBIGUOUS
+        told = points.velocity_interval
+        is_told = told is None or told > 1.999 * radar.unfolded_velocity
+        rows["is_quality_valid"], rows["ambig_state"] = 1, np.where(is_told, UNAMBIGUOUS, AMBIGUOUS)
         rows["invalid_state"], rows["pdh0"] = VALID, LEAST_FALSE
         snr = 10.0 ** (points.snr_db / 10.0)
         along = tone_deviation(snr) * radar.range_resolution
