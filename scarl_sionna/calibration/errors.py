@@ -19,7 +19,8 @@ class UnusedParameterError(CalibrationError):
         super().__init__(
             f"no measurement depends on {', '.join(self.names)}; take them out of `parameters`, "
             "or add a measurement that sees "
-            "them (a conductivity needs a loss or a phase, a thickness a layer that is not opaque)"
+            "them (a conductivity needs a loss or a phase, a thickness a layer that is not opaque; backscatter of an "
+            "entry that states its albedo depends on nothing else unless its scattering is free)"
         )
 
 

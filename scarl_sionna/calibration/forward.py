@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
-from scarl_sionna.scene.materials.table import MaterialTable, load_materials
+from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, load_materials
 
 from .body_model import mesh_field
-from .physics import MATERIAL_FIELDS, TrialMaterial, derivative, slab_field, target_field
+from .physics import MATERIAL_FIELDS, TrialMaterial, derivative, slab_field, slab_sigma0, target_field
 from .scene_model import map_data, map_model, path_powers
 from .spec import (
     CalibrationProblem,
@@ -57,7 +57,8 @@ class Trial:
 class Channel:
     """One measurement, compiled: its data as real numbers, and the field that the model gives for it.
 
-    `data` and their noise `sigma` have the shape (num_values,), in the unit of the measurement.
+    `data` and their noise `sigma` have the shape (num_values,), in the unit of the measurement. Where `is_power`, what
+    `field` gives is the square of a field without a phase of its own, such as that of a rough surface.
     """
 
     spec: Measurement
@@ -65,6 +66,7 @@ class Channel:
     data: Array
     sigma: Array
     field: Callable[[Trial], Complex]
+    is_power: bool = False
 
 
 class ForwardModel:
@@ -147,9 +149,10 @@ class ForwardModel:
         form, data = getattr(spec, "form", "complex"), spec.data
         if isinstance(spec, SlabMeasurement):
             slab, base = spec, self.table[spec.material]
+            quantity = slab_sigma0 if spec.is_backscatter else slab_field
 
             def field(trial: Trial) -> Complex:
-                return slab_field(slab, trial.materials.get(slab.material) or TrialMaterial.of(base, {}))
+                return quantity(slab, trial.materials.get(slab.material) or TrialMaterial.of(base, {}))
 
         elif isinstance(spec, RcsPattern):
             pattern = spec
@@ -173,7 +176,8 @@ class ForwardModel:
         noise = np.broadcast_to(np.asarray(spec.noise, dtype=np.float64), data.shape)
         flat = np.concatenate([data.real, data.imag]) if form == "complex" else data.real
         sigma = np.concatenate([noise, noise]) if form == "complex" else noise
-        return Channel(spec, form, flat, sigma, field)
+        is_power = isinstance(spec, SlabMeasurement) and spec.is_backscatter
+        return Channel(spec, form, flat, sigma, field, is_power)
 
     def trial(self, parameters: npt.NDArray[np.complexfloating] | Array) -> Trial:
         """Return parameters sorted by owner.
@@ -187,27 +191,42 @@ class ForwardModel:
         measured = {spec.name for spec in self.problem.measurements}
         gains = {name: value["gain_db"] for name, value in changes.items() if name in measured and name not in targets}
         rest = {name: value for name, value in changes.items() if name not in targets and name not in gains}
-        return Trial({name: TrialMaterial.of(self.table[name], value) for name, value in rest.items()}, targets, gains)
+        return Trial({name: TrialMaterial.of(self.base(name), value) for name, value in rest.items()}, targets, gains)
 
-    def _field(self, channel: Channel, parameters: Complex) -> Complex:
+    def base(self, material: str) -> RadioMaterial:
+        """Return the entry of which a material's free numbers take the place.
+
+        An albedo that it states gives way to what scatters by them: a free `scattering_coefficient`, or a free
+        `roughness_rms` whose backscatter is among what is measured.
+        """
+        free = {item.field for item in self.free if item.owner == material}
+        bench = [spec for spec in self.problem.measurements if isinstance(spec, SlabMeasurement) and not spec.held_out]
+        seen = any(spec.material == material and spec.is_backscatter for spec in bench)
+        entry = self.table[material]
+        if "scattering_coefficient" in free or ("roughness_rms" in free and seen):
+            return entry.with_(diffuse_albedo=None, volume_albedo=None)
+        return entry
+
+    def _response(self, channel: Channel, parameters: Complex) -> Complex:
+        """Return what `channel.field` gives, with the measurement's gain."""
         trial = self.trial(parameters)
         gain = trial.gains.get(channel.spec.name, complex(channel.spec.gain_db))
-        return channel.field(trial) * np.exp(np.log(10.0) / 20.0 * gain)
+        return channel.field(trial) * np.exp(np.log(10.0) / (10.0 if channel.is_power else 20.0) * gain)
 
     def predict(self, channel: Channel, parameters: Array) -> Array:
         """Return what the model says a measurement shows, in the unit of its values.
 
         `parameters` have the shape (num_parameters,) and their own units; the prediction has the shape (num_values,).
         """
-        return _observed(channel.form, self._field(channel, parameters.astype(np.complex128)))
+        return _observed(channel, self._response(channel, parameters.astype(np.complex128)))
 
     def predict_with_jacobian(self, channel: Channel, parameters: Array) -> tuple[Array, Array]:
         """Return the prediction and its derivatives, shapes (num_values,) and (num_values, num_parameters).
 
         In the unit of the values, and that over the units of the parameters.
         """
-        value, jacobian = derivative(lambda point: self._field(channel, point), parameters, self.span)
-        return _observed(channel.form, value), _observed_slope(channel.form, value, jacobian)
+        value, jacobian = derivative(lambda point: self._response(channel, point), parameters, self.span)
+        return _observed(channel, value), _observed_slope(channel, value, jacobian)
 
     def residuals(self, parameters: Array) -> Array:
         """Return (prediction - data) / noise of all measurements that are used, then the priors.
@@ -247,22 +266,27 @@ class ForwardModel:
         )
 
 
-def _observed(form: str, field: Complex) -> Array:
-    if form == "complex":
-        return np.concatenate([field.real, field.imag])
-    if form == "amplitude":
-        return np.abs(field)
-    power = np.abs(field) ** 2
-    return power if form == "power" else 10.0 * np.log10(power + TINY)
+def _observed(channel: Channel, response: Complex) -> Array:
+    if channel.form == "complex":
+        return np.concatenate([response.real, response.imag])
+    power = np.abs(response) if channel.is_power else np.abs(response) ** 2
+    if channel.form == "amplitude":
+        return np.sqrt(power)
+    return power if channel.form == "power" else 10.0 * np.log10(power + TINY)
 
 
-def _observed_slope(form: str, field: Complex, slope: Complex) -> Array:
-    if form == "complex":
+def _observed_slope(channel: Channel, response: Complex, slope: Complex) -> Array:
+    if channel.form == "complex":
         return np.concatenate([slope.real, slope.imag])
-    power = np.abs(field) ** 2
-    of_power = 2.0 * (np.conj(field)[:, None] * slope).real
-    if form == "power":
+    power = np.abs(response)
+    of_power = (np.conj(response)[:, None] * slope).real
+    if channel.is_power:
+        lost = np.abs(slope) if channel.form == "power" else 0.0  # a power can only rise from nothing
+        of_power = np.where(power[:, None] > 0.0, of_power / (power + TINY)[:, None], lost)
+    else:
+        power, of_power = power**2, 2.0 * of_power
+    if channel.form == "power":
         return of_power
-    if form == "amplitude":
+    if channel.form == "amplitude":
         return np.asarray(of_power / (2.0 * np.sqrt(power + TINY))[:, None])
     return np.asarray(10.0 / np.log(10.0) * of_power / (power + TINY)[:, None])

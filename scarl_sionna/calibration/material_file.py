@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from scarl_sionna.scene.materials.table import RadioMaterial
 
 from .errors import CalibrationError
 from .estimate import INTERVAL, CalibrationResult
-from .spec import SlabMeasurement
 
 
 def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
@@ -41,9 +39,7 @@ def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
             if result.misfit > 1.1
             else ""
         )
-        base = result.model.table[owner]
-        if "scattering_coefficient" in values or ("roughness_rms" in values and _scatters(used.values(), owner)):
-            base = base.with_(diffuse_albedo=None, volume_albedo=None)  # frames then read what was calibrated
+        base = result.model.base(owner)  # without an albedo that gave way: frames then read what was calibrated
         out.append(
             base.with_(
                 **values,
@@ -52,12 +48,6 @@ def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
             )
         )
     return out
-
-
-def _scatters(measurements: Iterable[object], material: str) -> bool:
-    """Return whether the backscatter of a material was among what was measured."""
-    bench = [item for item in measurements if isinstance(item, SlabMeasurement)]
-    return any(item.material == material and item.quantity.endswith("backscatter") for item in bench)
 
 
 def save_materials(result: CalibrationResult, path: str | Path) -> Path:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.units import VACUUM_PERMITTIVITY
 from scarl_sionna.scene.materials.fresnel import reflection, transmission
-from scarl_sionna.scene.materials.rough import coherent_share, diffuse_share
+from scarl_sionna.scene.materials.rough import Channel, coherent_share, holomorphic_sigma0
 from scarl_sionna.scene.materials.table import RadioMaterial
 
 from .spec import LobedTarget, SlabMeasurement
@@ -80,6 +80,16 @@ class TrialMaterial:
         return self.base.water_temperature
 
     @property
+    def diffuse_albedo(self) -> float | None:
+        """Return the albedo that is stated in place of what scattering and heights make; not a parameter."""
+        return self.base.diffuse_albedo
+
+    @property
+    def volume_albedo(self) -> float | None:
+        """Return the albedo of the scatterers of a deep layer; not a parameter."""
+        return self.base.volume_albedo
+
+    @property
     def rounded(self) -> bool:
         """Return whether faces of the material stand for a body that is curved everywhere."""
         return self.base.rounded
@@ -90,7 +100,7 @@ class TrialMaterial:
 
 
 def slab_field(measurement: SlabMeasurement, material: TrialMaterial) -> Complex:
-    r"""Return the field that a bench measures, over the incident one, shape (num_values,).
+    r"""Return the reflected or transmitted field that a bench measures, over the incident one, shape (num_values,).
 
     Notes
     -----
@@ -98,38 +108,46 @@ def slab_field(measurement: SlabMeasurement, material: TrialMaterial) -> Complex
 
     .. math:: \sqrt{1 - S^2}\; e^{-2 (k h \cos\theta)^2} \Gamma
 
-    with S the scattering coefficient and h the rms height; the exponential (Ament) counts for reflection only.
-    Backscatter is the root of the power per unit area of a Lambertian surface, co-polar and cross-polar,
-
-    .. math:: \sigma^0 = 4 (1 - (1 - S^2) e^{-4 (k h)^2}) |\Gamma(0)|^2 \cos^2\theta \, (1 - K_x)
-              \quad\text{and}\quad K_x
-
-    All as in :mod:`~scarl_sionna.scene.materials.rough`, which frames read.
+    with S the scattering coefficient and h the rms height; the exponential (Ament) counts for reflection only. All as
+    in :mod:`~scarl_sionna.scene.materials.rough`, which frames read.
 
     References
     ----------
     .. [1] W. S. Ament, "Toward a theory of reflection by a rough surface", Proc. IRE 41(1), 1953.
-    .. [2] V. Degli-Esposti et al., "Measurement and modelling of scattering from buildings", IEEE Trans. Antennas
-       Propag. 55(1), 2007.
     """
-    num = max(len(measurement.values), np.size(measurement.frequency), np.size(measurement.angle_deg))
-    frequency = np.broadcast_to(np.asarray(measurement.frequency, dtype=np.float64), (num,))
-    cosine = np.cos(np.radians(np.broadcast_to(np.asarray(measurement.angle_deg, dtype=np.float64), (num,))))
+    frequency, angle = _grid(measurement)
+    cosine = np.cos(angle)
     formula = transmission if measurement.quantity == "transmission" else reflection
-    rough = measurement.quantity in ("backscatter", "cross_backscatter")
-    out = np.empty(num, dtype=np.complex128)
+    out = np.empty(len(frequency), dtype=np.complex128)
     for value in np.unique(frequency):
         rows = np.flatnonzero(frequency == value)
-        met = np.ones(len(rows)) if rough else cosine[rows]  # facets that send back are met along their normals
-        out[rows] = formula(material.as_radio(), float(value), met)[("TE", "TM").index(measurement.polarization)]
-    own, crossed = material.as_radio(), material.xpd_coefficient
-    if measurement.quantity == "backscatter":
-        return np.asarray(2.0 * diffuse_share(own, frequency) * np.sqrt(1.0 - crossed + 0j) * cosine * out)
-    if measurement.quantity == "cross_backscatter":
-        return np.asarray(2.0 * diffuse_share(own, frequency) * np.sqrt(crossed + 0j) * cosine * out)
+        found = formula(material.as_radio(), float(value), cosine[rows])
+        out[rows] = found[("TE", "TM").index(measurement.polarization)]
     if measurement.quantity == "reflection":
-        return np.asarray(out * coherent_share(own, frequency, cosine))
+        return np.asarray(out * coherent_share(material.as_radio(), frequency, cosine))
     return np.asarray(out * np.sqrt(1.0 - material.scattering_coefficient**2 + 0j))
+
+
+def slab_sigma0(measurement: SlabMeasurement, material: TrialMaterial) -> Complex:
+    """Return the backscatter coefficient that a bench measures, shape (num_values,), up to phases without a meaning.
+
+    By :func:`~scarl_sionna.scene.materials.rough.holomorphic_sigma0`, the law of frames: an albedo that the entry
+    states counts as there.
+    """
+    frequency, angle = _grid(measurement)
+    out = np.empty(len(frequency), dtype=np.complex128)
+    channel: Channel = "VV" if measurement.quantity == "backscatter" else "HV"
+    for value in np.unique(frequency):
+        rows = np.flatnonzero(frequency == value)
+        out[rows] = holomorphic_sigma0(material.as_radio(), float(value), np.pi / 2.0 - angle[rows], channel)
+    return out
+
+
+def _grid(measurement: SlabMeasurement) -> tuple[Array, Array]:
+    """Return frequency [Hz] and angle from the normal [rad] of every value, shape (num_values,)."""
+    num = max(len(measurement.values), np.size(measurement.frequency), np.size(measurement.angle_deg))
+    frequency = np.broadcast_to(np.asarray(measurement.frequency, dtype=np.float64), (num,))
+    return frequency, np.radians(np.broadcast_to(np.asarray(measurement.angle_deg, dtype=np.float64), (num,)))
 
 
 def target_field(target: LobedTarget, changes: dict[str, complex], aspect_deg: npt.ArrayLike) -> Complex:

@@ -141,7 +141,14 @@ class SlabMeasurement(MeasurementBase):
             if np.size(given) not in (1, len(self.values)):
                 raise ValueError(f"{name}: one number or one for each of the {len(self.values)} values")
         _form_fits(self.form, self.values_imag)
+        if self.is_backscatter and self.form == "complex":
+            raise ValueError("form 'power_db', 'power' or 'amplitude' of backscatter, which has no phase of its own")
         return self
+
+    @property
+    def is_backscatter(self) -> bool:
+        """Whether it is what a rough surface scatters back, a power without a phase."""
+        return self.quantity in ("backscatter", "cross_backscatter")
 
 
 class RcsPattern(MeasurementBase):

@@ -19,6 +19,7 @@ from scarl_sionna.calibration.physics import TrialMaterial, derivative
 from scarl_sionna.calibration.scene_model import FixedPaths, pose_of
 from scarl_sionna.radar.points import solve_points
 from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.scene.materials.fresnel import power_reflectance
 from scarl_sionna.scene.materials.table import builtin_materials
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.calibration_street import PARAMETERS, TRUTH, street, street_problem
@@ -52,8 +53,15 @@ def assert_slopes(model: ForwardModel, point: np.ndarray) -> None:
             )
 
 
-@pytest.mark.parametrize("form", ["complex", "amplitude", "power", "power_db"])
-@pytest.mark.parametrize("quantity", ["reflection", "transmission", "backscatter", "cross_backscatter"])
+@pytest.mark.parametrize(
+    ("quantity", "form"),
+    [
+        (quantity, form)
+        for quantity in ("reflection", "transmission", "backscatter", "cross_backscatter")
+        for form in ("complex", "amplitude", "power", "power_db")
+        if form != "complex" or not quantity.endswith("backscatter")
+    ],
+)
 def test_slopes_of_a_bench(quantity: str, form: str) -> None:
     zeros = (0.0,) * len(ANGLES)
     specs = [
@@ -75,6 +83,29 @@ def test_slopes_of_a_bench(quantity: str, form: str) -> None:
     free += (FreeParameter(name="TE.gain_db", lower=-3.0, upper=3.0),)
     model = ForwardModel(CalibrationProblem(parameters=free, measurements=specs))
     assert_slopes(model, model.lower + 0.43 * model.span)
+
+
+def test_slopes_of_faint_scattering() -> None:
+    """Where texture and heights scatter little or nothing: sigma0 goes with S^2 + 4 (k h)^2 there."""
+    spec = SlabMeasurement(
+        name="bench", material="concrete", quantity="backscatter", form="power", noise=1e-9, values=(0.0,)
+    )
+    free = [
+        FreeParameter(name="concrete.roughness_rms", lower=0.0, upper=1e-3),
+        FreeParameter(name="concrete.scattering_coefficient", lower=0.0, upper=0.9),
+    ]
+    model = ForwardModel(CalibrationProblem(parameters=free, measurements=[spec]))
+    own = builtin_materials()["concrete"]
+    level, k = (
+        4.0 * power_reflectance(own, 77e9, 1.0)[0] * (1.0 - own.xpd_coefficient),
+        2.0 * np.pi * 77e9 / 299792458.0,
+    )
+    for height, share in ((0.0, 0.0), (3e-7, 0.0), (1e-6, 1e-3), (0.0, 1e-4), (3e-7, 2e-3)):
+        value, slopes = model.predict_with_jacobian(model.channels[0], np.array([height, share]))
+        np.testing.assert_allclose(value, level * (share**2 + 4.0 * (k * height) ** 2), rtol=1e-4, atol=1e-15)
+        np.testing.assert_allclose(
+            slopes[0], level * np.array([8.0 * k**2 * height, 2.0 * share]), rtol=1e-4, atol=1e-9
+        )
 
 
 def test_slopes_of_a_target() -> None:

@@ -27,7 +27,7 @@ from scarl_sionna.calibration import (
 )
 from scarl_sionna.calibration.spec import SceneGeometry
 from scarl_sionna.cli import app
-from scarl_sionna.core.errors import MaterialRangeError, ParameterRangeError, SceneError, UnknownNameError
+from scarl_sionna.core.errors import MaterialRangeError, ParameterRangeError, SceneError, SpecError, UnknownNameError
 from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.scene.materials.rough import sigma0
 from scarl_sionna.scene.materials.table import UnknownMaterialError, load_materials
@@ -250,6 +250,28 @@ def test_frames_read_the_backscatter_that_was_calibrated(tmp_path: Path) -> None
     mirror = simulated(CalibrationProblem(parameters=[free], measurements=[bench()]), [2e-4])
     kept = load_materials([save_materials(calibrate(mirror), tmp_path / "other.toml")])["asphalt"]
     assert kept.diffuse_albedo == load_materials()["asphalt"].diffuse_albedo
+
+
+@pytest.mark.parametrize("material", ["asphalt", "grass", "concrete"])
+def test_bench_scatters_as_frames_do(material: str) -> None:
+    """An albedo that the entry states, of a rough surface or of a deep layer, is what the bench sees as well."""
+    angles = (10.0, 40.0, 70.0)
+    entry = load_materials()[material].with_(xpd_coefficient=0.2)
+    free = [FreeParameter(name=f"{material}.xpd_coefficient", lower=0.0, upper=1.0)]
+    for quantity, channel in (("backscatter", "VV"), ("cross_backscatter", "HV")):
+        spec = bench("ground", material=material, quantity=quantity, angle_deg=angles, values=(0.0,) * 3, noise=0.1)
+        model = ForwardModel(CalibrationProblem(parameters=free, measurements=[spec]))
+        expected = 10.0 * np.log10(sigma0(entry, 77e9, np.radians(90.0 - np.array(angles)), channel))
+        np.testing.assert_allclose(model.predict(model.channels[0], np.array([0.2])), expected, atol=1e-9)
+
+
+def test_a_stated_albedo_tells_of_no_permittivity() -> None:
+    spec = bench("ground", quantity="backscatter", angle_deg=(10.0, 40.0), values=(-10.0, -12.0), noise=0.1)
+    problem = CalibrationProblem(parameters=[PERMITTIVITY], measurements=[spec])
+    with pytest.raises(UnusedParameterError, match="states its albedo"):
+        calibrate(problem)
+    with pytest.raises(SpecError, match="no phase of its own"):
+        spec.with_(form="complex", values_imag=(0.0, 0.0))
 
 
 def test_entry_is_saved_and_loaded(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
-from .fresnel import power_reflectance
+from .fresnel import film_of, stack_reflection
 from .layers import Number
 from .table import RadioMaterial
 
@@ -73,17 +73,17 @@ def coherent_share(material: RadioMaterial, frequency: npt.ArrayLike, cosine: np
 
 
 def diffuse_share(material: RadioMaterial, frequency: npt.ArrayLike) -> npt.NDArray[Any]:
-    r"""Return the part of the reflected field that is scattered diffusely, 0 to 1; parameters as of `coherent_share`.
+    r"""Return the share of the reflected power that is scattered diffusely, 0 to 1; parameters as of `coherent_share`.
 
     Notes
     -----
-    .. math:: \sqrt{1 - (1 - S^2) \, e^{-4 (k h)^2}}
+    .. math:: 1 - (1 - S^2) \, e^{-4 (k h)^2}
 
-    What the mirror reflection along the normal loses; the scattering coefficient itself where there are no heights.
+    What the mirror reflection along the normal loses: a power, which is smooth in S and h also where both vanish.
     """
-    if material.roughness_rms == 0.0:
-        return np.asarray(material.scattering_coefficient * np.ones(np.shape(frequency)))
-    return np.asarray(np.sqrt(1.0 - coherent_share(material, frequency, 1.0) ** 2))
+    wavenumber = 2.0 * np.pi / SPEED_OF_LIGHT * np.asarray(frequency)
+    scattered = material.scattering_coefficient**2
+    return np.asarray(scattered - (1.0 - scattered) * np.expm1(-4.0 * (wavenumber * material.roughness_rms) ** 2))
 
 
 def diffuse_albedo(material: RadioMaterial, frequency: float) -> float:
@@ -115,13 +115,21 @@ def diffuse_albedo(material: RadioMaterial, frequency: float) -> float:
     ----------
     .. [1] F. T. Ulaby, R. K. Moore, A. K. Fung, *Microwave Remote Sensing*, vol. II, 1982, chapter 12.
     """
-    reflectance = float(power_reflectance(material, frequency, 1.0)[0])
+    return float(np.abs(_surface_albedo(material, frequency)))
+
+
+def _surface_albedo(material: RadioMaterial, frequency: float) -> complex:
+    """Return a number whose magnitude is :func:`diffuse_albedo`: with the square of the reflection coefficient."""
+    permittivity, film = material.at(frequency), film_of(material, frequency)
+    squared = [
+        complex(stack_reflection(permittivity, material.thickness, top, 1.0, frequency)[0] ** 2) for top in (film, None)
+    ]
     if material.diffuse_albedo is None:
-        return float(diffuse_share(material, frequency) ** 2) * reflectance
-    if material.water_film > 0.0:
-        dry = float(power_reflectance(material.with_(water_film=0.0), frequency, 1.0)[0])
-        return min(material.diffuse_albedo * reflectance / dry, 1.0)
-    return material.diffuse_albedo
+        return complex(diffuse_share(material, frequency)) * squared[0]
+    if film is None:
+        return complex(material.diffuse_albedo)
+    raised = material.diffuse_albedo * squared[0] / squared[1]
+    return raised / max(abs(raised), 1.0)
 
 
 def escape(albedo: Number, cosine: Number) -> Number:
@@ -188,9 +196,16 @@ def directional_albedo(
     MaterialRangeError
         If the material has no data at this frequency.
     """
+    return np.abs(_albedo(material, frequency, arriving, leaving))
+
+
+def _albedo(
+    material: RadioMaterial, frequency: float, arriving: npt.ArrayLike, leaving: npt.ArrayLike
+) -> npt.NDArray[np.float64] | npt.NDArray[np.complex128]:
+    """Return numbers whose magnitudes are :func:`directional_albedo`, as of :func:`_surface_albedo`."""
     arriving, leaving = np.broadcast_arrays(np.asarray(arriving, float), np.asarray(leaving, float))
     if material.volume_albedo is None:
-        return np.full(arriving.shape, diffuse_albedo(material, frequency))
+        return np.full(arriving.shape, _surface_albedo(material, frequency))
     material.at(frequency)
     return np.asarray(layer_albedo(material.volume_albedo, arriving, np.maximum(leaving, 1e-9)))
 
@@ -228,8 +243,22 @@ def sigma0(
     .. [1] V. Degli-Esposti et al., "Measurement and modelling of scattering from buildings", IEEE Trans. Antennas
            Propag. 55(1), 2007, Eqs. (2), (5).
     """
+    return np.abs(holomorphic_sigma0(material, frequency, grazing, channel))
+
+
+def holomorphic_sigma0(
+    material: RadioMaterial, frequency: float, grazing: npt.ArrayLike, channel: Channel
+) -> npt.NDArray[np.complex128]:
+    """Return numbers whose magnitudes are :func:`sigma0`, and which are holomorphic in what a material is made of.
+
+    A calibration differentiates them. They have the square of the reflection coefficient where the power has its
+    magnitude; their phase means nothing.
+
+    Parameters and errors as of :func:`sigma0`.
+    """
     if channel not in ("VV", "HH", "HV", "VH"):
         raise ParameterRangeError("channel", repr(channel), "'VV', 'HH', 'HV' or 'VH'")
     share = material.xpd_coefficient if channel in ("HV", "VH") else 1.0 - material.xpd_coefficient
     sine = np.sin(grazing)
-    return np.asarray(4.0 * directional_albedo(material, frequency, sine, sine) * sine**2 * share)
+    albedo = _albedo(material, frequency, sine, sine)
+    return np.asarray(4.0 * albedo * sine**2 * share, dtype=np.complex128)
