@@ -38,6 +38,9 @@ from .spec import RadarMap, SceneGeometry, ScenePowers
 Complex = npt.NDArray[np.complex128]
 Trials = Mapping[str, TrialMaterial]
 
+FAINT = 2.0**-20
+"""Amplitude of which each path's map is made: any would do; one of 1 would be more than is sent."""
+
 
 @dataclass(frozen=True, eq=False)
 class FixedPaths:
@@ -175,7 +178,7 @@ def path_powers(measurement: ScenePowers, table: MaterialTable) -> Callable[[Tri
 def map_model(measurement: RadarMap, table: MaterialTable) -> Callable[[Trials], Complex]:
     """Return the model of a range-Doppler map: from trial materials to the conjugate of its cells.
 
-    A map is linear in the paths' amplitudes, so each path's map of unit amplitude is made once.
+    A map is linear in the paths' amplitudes, so each path's map of one amplitude is made once.
     """
     radar = measurement.radar
     fixed = FixedPaths.trace(measurement, table, radar.carrier_frequency)
@@ -183,8 +186,8 @@ def map_model(measurement: RadarMap, table: MaterialTable) -> Callable[[Trials],
     total = columns.pop("total")
     paths = RadarPaths(**columns, world_from_tx=pose_of(measurement), world_from_rx=pose_of(measurement))
     kept = np.flatnonzero((total < 2.0 * radar.max_range) | (radar.waveform.sweep.video == 0.0))
-    unit = replace(paths, a=np.ones_like(paths.a))
-    basis = np.stack([np.conj(_cells(unit.select(np.array([row])), measurement)) for row in kept], axis=1)
+    faint = replace(paths, a=np.full_like(paths.a, FAINT))
+    basis = np.stack([np.conj(_cells(faint.select(np.array([row])), measurement)) for row in kept], axis=1) / FAINT
     column = "VH".index(radar.array.polarization)
     return lambda trials: np.einsum("vp,p->v", basis, fixed.columns(trials)["a"][kept, column, column])  # no threads
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -132,7 +134,9 @@ def test_derivative_of_a_known_function() -> None:
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory) -> ForwardModel:
-    return ForwardModel(street_problem(street(tmp_path_factory.mktemp("street")), 1e-9))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # the maps of single paths are no scene that is to be warned of
+        return ForwardModel(street_problem(street(tmp_path_factory.mktemp("street")), 1e-9))
 
 
 def test_slopes_of_a_radar_map(model: ForwardModel) -> None:
