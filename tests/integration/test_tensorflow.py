@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 
 from scarl_sionna.calibration import CalibrationProblem, ForwardModel, FreeParameter, SlabMeasurement
 from scarl_sionna.calibration.keras_layer import simulation_layer, whitened_data
-from scarl_sionna.core.errors import DatasetError, ParameterRangeError
+from scarl_sionna.core.errors import DatasetError, ParameterRangeError, ScarlWarning
 from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.formats import FrameSource, convert
 from scarl_sionna.dataset.formats.tfrecord import export_tfrecord, read_tfrecord
@@ -186,6 +187,20 @@ def test_gradient_of_the_layer(model: ForwardModel) -> None:
     for row, column in np.ndindex(2, 2):
         numeric[row, column] = (value(row, column, 1e-4) - value(row, column, -1e-4)) / 2e-4
     np.testing.assert_allclose(slope, numeric, rtol=1e-3)
+
+
+def test_what_the_layer_is_not_given(model: ForwardModel) -> None:
+    """One vector would be taken as a batch of lone parameters; beyond the bounds a material may be impossible."""
+    tf = tensorflow()
+    layer = simulation_layer(model)
+    for shape in ((2,), (3, 1), (3, 5), (1, 2, 2)):
+        with pytest.raises(ValueError, match="incompatible with the layer"):
+            layer(tf.zeros(shape))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ScarlWarning)
+        layer(tf.constant([[0.0, 1.0]]))
+    with pytest.warns(ScarlWarning, match=r"asphalt\.conductivity \(by 0\.25\)"):
+        layer(tf.constant([[0.5, 0.5], [0.5, 1.25]]))
 
 
 def test_an_encoder_learns_to_invert_the_simulation(model: ForwardModel) -> None:
