@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 import trimesh
@@ -95,6 +97,45 @@ def test_one_trace_serves_the_aspects_beside_it():
     assert np.abs(20.0 * np.log10(np.abs(got / wanted))).max() < 0.6
     # three bounces in a corner have the length of its apex; the phase of the apex is zero whatever the aspect
     assert np.abs(np.angle(got / wanted)).max() < 0.07
+
+
+def test_corners_tell_how_near_their_mirrors_are_one_centre(tmp_path):
+    """A dihedral of half width a acts at its edge, where its waves pass up to a beside it: their paths are longer by
+    q = h^2 / R, h from 0 to a, which is a Fresnel integral over the aperture. The distance that its centres tell is
+    where that costs 0.5 dB, with the standard deviation of h^2 of sqrt(4 / 45) a^2, and nearer they warn.
+    """
+    side, half = 0.2, 0.2 / np.sqrt(2.0)
+    ends = np.array([[0.0, 0.0], [-half, half], [-half, -half]])
+    points = np.concatenate([np.column_stack([ends, np.full(3, z)]) for z in (-side / 2.0, side / 2.0)])
+    mesh = trimesh.Trimesh(points, [[0, 1, 4], [0, 4, 3], [0, 3, 5], [0, 5, 2]], process=False)
+    model = compile_scatterers(
+        mesh, FREQUENCY, azimuths_deg=(178, 182), elevations_deg=(-1, 0, 1), voxel=0.1, num_checks=0, progress=False
+    )
+    k = 2.0 * np.pi * FREQUENCY / 299792458.0
+    needed = model.nearest(model.matrices(np.array([-1.0, 0.0, 0.0])))
+    assert needed == pytest.approx(3.0 * k * np.sqrt(4.0 / 45.0) * half**2, rel=0.1)
+    assert needed > 5.0 * model.nearest_distance
+    h = half * (np.arange(4000) + 0.5) / 4000
+    for distance, lost in ((needed, 0.5), (needed / 2.0, 2.0)):
+        field = np.mean(np.exp(-1j * k * h**2 / distance))
+        assert -20.0 * np.log10(np.abs(field)) == pytest.approx(lost, rel=0.25)
+    state = ss.load_scene(write_scene(tmp_path, [Thing("target", mesh.copy(), "Static", "steel")])).at(0.0)
+    radar = ss.RadarSpec()
+
+    def solve(distance):
+        ss.solve_paths(state, radar, ss.Pose([-distance, 0.0, 0.0]), method="scatterers", models={"target": model})
+
+    with pytest.warns(ss.ScarlWarning, match=r"'target': .* nearer than the .* the corners .* 2\.. dB too strong"):
+        solve(needed / 2.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ss.ScarlWarning)
+        solve(1.1 * needed)
+
+
+def test_single_reflections_have_no_aperture_beyond_their_voxel():
+    model = compile_scatterers(plate(), FREQUENCY, azimuths_deg=(-2, 2), voxel=0.05, num_checks=0, progress=False)
+    assert model.aperture_distance.max() == 0.0
+    assert model.nearest(model.matrices(np.array([1.0, 0.0, 0.0]))) == model.nearest_distance
 
 
 def test_near_field_of_a_plate_from_its_centres():

@@ -6,6 +6,7 @@ import hashlib
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,9 +52,10 @@ def compiled() -> ScattererModel:
 
 
 def test_save_and_load_keep_every_value(compiled, tmp_path):
+    compiled = replace(compiled, aperture_distance=np.linspace(0.0, 30.0, compiled.num_centers))
     compiled.save(tmp_path / "plate.npz")
     back = ScattererModel.load(tmp_path / "plate.npz")
-    for name in ("centers", "azimuth", "elevation"):
+    for name in ("centers", "azimuth", "elevation", "aperture_distance"):
         np.testing.assert_array_equal(getattr(back, name), getattr(compiled, name))
     assert back.amplitude.tobytes() == compiled.amplitude.tobytes()
     assert back.frequency == compiled.frequency

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
 Columns = dict[str, npt.NDArray[Any]]
 
 
@@ -174,7 +175,8 @@ def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedMo
     toward = -direction @ world_from_model.rotation
     matrix = model.matrices(toward)
     echoing = matrix.any(axis=(1, 2))
-    _warn(placed, radar, toward[echoing], distance, levels)
+    _warn(placed, radar, toward[echoing], levels)
+    _warn_of_nearness(placed, matrix, distance)
     point, direction, distance = (column[echoing] for column in (point, direction, distance))
     matrix = matrix[echoing]
     body_basis = spherical_basis(world_from_model.rotation, -direction)
@@ -199,7 +201,27 @@ def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedMo
     }
 
 
-def _warn(placed: PlacedModel, radar: RadarSpec, toward: Array, distance: Array, levels: WarningLevels) -> None:
+def _warn_of_nearness(placed: PlacedModel, matrix: Complex, distance: Array) -> None:
+    """Warn of a model that is nearer than its centres are right, which echo by `matrix`."""
+    model, near = placed.model, float(distance.min(initial=np.inf))
+    needed = model.nearest(matrix)
+    if near >= needed:
+        return
+    reason, remedy = f"cells of {model.cell:g} m are in their far field", "compile with a smaller voxel, or use"
+    if needed > model.nearest_distance:
+        lost = 0.5 * (needed / near) ** 2
+        reason = "the corners that it has there are: their mirrors span more than a cell, and as points they are "
+        reason += f"{lost:.1f} dB too strong" if lost < 3.0 else "decibels too strong"
+        remedy = "use"
+    warnings.warn(
+        f"scatterers of '{placed.name}': it is {near:.3g} m away, nearer than the {needed:.3g} m from which {reason}; "
+        f"{remedy} method='sbr'",
+        ScarlWarning,
+        stacklevel=4,
+    )
+
+
+def _warn(placed: PlacedModel, radar: RadarSpec, toward: Array, levels: WarningLevels) -> None:
     """Warn of each way in which a model is used outside of what it is right for.
 
     `toward` holds the centres that echo.
@@ -211,12 +233,6 @@ def _warn(placed: PlacedModel, radar: RadarSpec, toward: Array, distance: Array,
         reasons.append(
             f"{outside.sum()} of {len(outside)} centres are seen from outside of the model's aspects, whose nearest "
             "is used; compile more aspects, or use method='sbr'"
-        )
-    nearest = float(distance.min(initial=np.inf))
-    if nearest < model.nearest_distance:
-        reasons.append(
-            f"it is {nearest:.3g} m away, nearer than the {model.nearest_distance:.3g} m from which cells of "
-            f"{model.cell:g} m are in their far field; compile with a smaller voxel, or use method='sbr'"
         )
     if abs(radar.center_frequency - model.frequency) > levels.detuning * model.frequency:
         reasons.append(

@@ -23,7 +23,7 @@ from scarl_sionna.radar.optics.surfaces import PartSurfaces
 from scarl_sionna.scene.materials.table import MaterialTable
 
 from .footprints import Footprints, footprints
-from .model import ScattererModel
+from .model import APERTURE_PHASE, ScattererModel
 from .table import AspectTable, TableBuilder, direction_of
 
 Array = npt.NDArray[np.float64]
@@ -60,6 +60,7 @@ class _Block:
     values: npt.NDArray[np.complex64] = field(default_factory=lambda: np.zeros((0, 0, 0, 2, 2), np.complex64))
     weight: Array = field(default_factory=lambda: np.zeros(0))
     moment: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    bend: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def compile_scatterers(
@@ -160,8 +161,9 @@ def compile_scatterers(
                 "up to 2 GiB",
                 "take fewer aspects or a larger voxel",
             )
-    centers, amplitude = _assemble(blocks, keys, azimuth, elevation, frequency, voxel)
     wavelength = SPEED_OF_LIGHT / frequency
+    aperture = 2.0 * np.pi / wavelength / APERTURE_PHASE * np.sqrt(_pooled(blocks, keys, "bend"))
+    centers, amplitude = _assemble(blocks, keys, azimuth, elevation, frequency, voxel)
     corners = body.triangles.corners
     model = ScattererModel(
         centers,
@@ -181,6 +183,7 @@ def compile_scatterers(
             "trace_step_deg": float(trace_step_deg),
             "extent": np.ptp(corners.reshape(-1, 3), axis=0).tolist(),
         },
+        aperture_distance=aperture,
     )
     error = _measured(model, body, surfaces, settings, num_checks) if num_checks and len(azimuth) > 1 else {}
     return ScattererModel(**{**vars(model), "error": error})
@@ -300,9 +303,18 @@ def _fill(block: _Block, found: Footprints, azimuth: Array, elevation: Array, fr
     block.values = values[:-1].reshape(len(block.elevations), len(block.azimuths), count, 2, 2)
     which = np.repeat(np.arange(count), np.diff(np.append(first, len(found))))
     block.weight = np.asarray(np.bincount(which, power, count), dtype=np.float64)
+    block.bend = _variance(found.apertures(direction_of(*block.traced)), which, np.sqrt(power))
     moment = [np.bincount(which, power * place, count) for place in found.place().T]
     block.moment = np.asarray(np.stack(moment, axis=1), dtype=np.float64)
     _prune(block)
+
+
+def _variance(values: Array, which: Index, amplitude: Array) -> Array:
+    """Return the variance of values (n, 3) in each group, weighted by the amplitudes (n,) of their rows."""
+    group, weight = np.repeat(which, 3), np.repeat(amplitude, 3)
+    total = np.maximum(np.bincount(group, weight), 1e-300)
+    off = values.reshape(-1) - (np.bincount(group, weight * values.reshape(-1)) / total)[group]
+    return np.asarray(np.bincount(group, weight * off**2) / total, dtype=np.float64)
 
 
 def _prune(block: _Block) -> None:
@@ -310,12 +322,23 @@ def _prune(block: _Block) -> None:
     power = np.sum(np.abs(block.values) ** 2, axis=(3, 4), dtype=np.float64)
     strong = np.any(power > WEAKEST * power.sum(axis=2, keepdims=True), axis=(0, 1))
     block.keys, block.weight, block.moment = block.keys[strong], block.weight[strong], block.moment[strong]
+    block.bend = block.bend[strong]
     block.values = np.ascontiguousarray(block.values[:, :, strong])
 
 
 def _middle(keys: Index, voxel: float) -> Array:
     cube = np.stack([keys >> 42, (keys >> 21) & ((1 << 21) - 1), keys & ((1 << 21) - 1)], axis=1) - _ORIGIN
     return np.asarray((cube + 0.5) * voxel, dtype=np.float64)
+
+
+def _pooled(blocks: list[_Block], keys: Index, name: str) -> Array:
+    """Return the mean of a column of the blocks for each key, weighted by power."""
+    weight, total = np.zeros(len(keys)), np.zeros(len(keys))
+    for block in blocks:
+        at = np.searchsorted(keys, block.keys)
+        weight[at] += block.weight
+        total[at] += block.weight * getattr(block, name)
+    return np.divide(total, weight, out=np.zeros_like(total), where=weight > 0.0)
 
 
 def _assemble(

@@ -71,6 +71,17 @@ class Footprints:
         """Return from where the corners of each footprint act, shape (n, 3, 3) [m]."""
         return np.asarray(np.einsum("nij,ncj->nci", self.turn, self.corners) + self.offset[:, None])
 
+    def apertures(self, toward: Array) -> Array:
+        """Return how far off a ray through where a footprint acts waves meet the body, squared, shape (n, 3) [m2].
+
+        At the middles of its sides, seen from the unit vector `toward`. A wave comes by the point r of a chain and goes
+        by its image r', both half of ``r - r'`` off the place between them that acts: 0 of a single reflection, up to
+        half of the mirrors of a corner, which acts at its apex. At a distance R the two legs are longer by this over R.
+        """
+        middles = (self.corners + np.roll(self.corners, -1, axis=1)) / 2.0
+        off = middles - np.einsum("nij,ncj->nci", self.turn, middles) - self.offset[:, None]
+        return np.asarray(np.sum(off**2, axis=2) - (off @ toward) ** 2)
+
     def twice_area(self) -> Array:
         """Return twice the area of each footprint, shape (n,) [m2]."""
         sides = self.corners[:, 1:] - self.corners[:, :1]

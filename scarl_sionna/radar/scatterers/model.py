@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,9 @@ Complex = npt.NDArray[np.complex128]
 _MOST_BYTES = 2000 * MEGABYTE
 FORMAT_VERSION = 2
 """Version of the saved file; 1 held the amplitudes as one array."""
+APERTURE_PHASE = 1.0 / 3.0
+"""Bend of the phase over what a centre stands for [rad, rms] from which a warning is given: by definition of its bar,
+0.5 dB."""
 _ROUNDING = 1e-9
 """Aspects this far outside of the table [rad] are still inside."""
 
@@ -46,6 +49,7 @@ class ScattererModel(
         "cell": "m",
         "nearest_distance": "m",
         "elevation_reach": "rad",
+        "aperture_distance": "m",
     },
 ):
     r"""Scattering centres of one rigid body.
@@ -75,6 +79,10 @@ class ScattererModel(
         per range cell within 20 dB of the strongest), ``num_cells``, ``num_aspects``; empty where nothing was measured.
     provenance : mapping
         Where the model comes from: hash of the mesh, settings, source.
+    aperture_distance : ndarray of float64, shape (num_centers,)
+        From here on what a corner's mirrors span, and its centre stands for, costs the centre less than 0.5 dB by the
+        bend of the waves [m]; 0 of single reflections, and where it is not given (files of before). Nearer the centre
+        is too strong: see :meth:`nearest`.
 
     Raises
     ------
@@ -100,6 +108,7 @@ class ScattererModel(
     elevation_reach: float = 0.0
     error: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    aperture_distance: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         if not isinstance(self.amplitude, AspectTable):
@@ -107,6 +116,12 @@ class ScattererModel(
         shape = (len(self.elevation), len(self.azimuth), len(self.centers), 2, 2)
         if self.amplitude.shape != shape:
             raise ParameterRangeError("amplitude", f"shape {self.amplitude.shape}", f"shape {shape}")
+        if not len(self.aperture_distance):
+            object.__setattr__(self, "aperture_distance", np.zeros(len(self.centers)))
+        if self.aperture_distance.shape != (len(self.centers),):
+            raise ParameterRangeError(
+                "aperture_distance", f"shape {self.aperture_distance.shape}", f"shape {(len(self.centers),)}"
+            )
         for name in ("azimuth", "elevation"):
             grid = getattr(self, name)
             if not len(grid) or np.any(np.diff(grid) <= 0.0) or not np.isfinite(grid).all():
@@ -166,6 +181,28 @@ class ScattererModel(
         values = self.amplitude.at(up.reshape(-1), along.reshape(-1), of_centre.reshape(-1))
         result[centre] = (share[:, None, :] @ values.reshape(*share.shape, 4))[:, 0].reshape(-1, 2, 2)
         return result
+
+    def nearest(self, matrices: Complex) -> float:
+        r"""Return from where on centres that echo so are right [m].
+
+        That is `nearest_distance`, or, where corners hold much of the power, the distance from which the bend of the
+        waves over their mirrors costs less than 0.5 dB of all.
+
+        Parameters
+        ----------
+        matrices : ndarray of complex128, shape (num_centers, 2, 2)
+            As :meth:`matrices` gives them.
+
+        Notes
+        -----
+        A centre whose waves pass at a distance h beside the ray through it has paths longer by h^2 / R. To the second
+        order it loses the share :math:`(k \sigma / R)^2` of its power, sigma being the standard deviation of h^2; the
+        distances of the centres are summed by power.
+        """
+        power = np.sum(np.abs(matrices) ** 2, axis=(1, 2))
+        total = float(power.sum())
+        of_apertures = float(np.sqrt(power @ self.aperture_distance**2 / total)) if total > 0.0 else 0.0
+        return max(self.nearest_distance, of_apertures)
 
     def _columns(self, azimuth: Array) -> tuple[npt.NDArray[np.int64], Array]:
         first = self.azimuth[0]
@@ -246,6 +283,7 @@ class ScattererModel(
                     azimuth=self.azimuth,
                     elevation=self.elevation,
                     numbers=np.array(numbers),
+                    aperture_distance=self.aperture_distance,
                     **columns,
                 )
         except OSError as error:
@@ -269,7 +307,8 @@ class ScattererModel(
             error_of, provenance = (dict(parse_json(str(data[name]))) for name in ("error", "provenance"))
             centers, azimuth, elevation = (data[name] for name in ("centers", "azimuth", "elevation"))
             table = AspectTable.dense(data["amplitude"]) if version == 1 else AspectTable.from_arrays(data)
-            return cls(centers, azimuth, elevation, table, frequency, cell, nearest, reach, error_of, provenance)
+            made = cls(centers, azimuth, elevation, table, frequency, cell, nearest, reach, error_of, provenance)
+            return replace(made, aperture_distance=data["aperture_distance"]) if "aperture_distance" in data else made
         except (OSError, KeyError, ValueError, TypeError, IndexError, OverflowError) as error:
             raise SceneError(f"is no scatterer model ({error})", path, "write one with ScattererModel.save") from error
 

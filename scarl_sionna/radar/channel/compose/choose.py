@@ -400,7 +400,7 @@ def _one(view: View, item: Estimate) -> Choice:
         return Choice(item, "raycast", AT_RADAR)
     if item.name in view.models:
         model, toward = view.models[item.name], _toward(view.state, item, view.pose)
-        if item.distance >= model.nearest_distance and bool(model.inside(toward[None])[0]):
+        if bool(model.inside(toward[None])[0]) and item.distance >= model.nearest(model.matrices(toward)):
             return Choice(item, "scatterers", "has a model that holds at this distance and aspect")
     if not item.is_coherent or not item.info.is_object:
         return Choice(item, "raycast", "rough or without an outline: clutter by class")
