@@ -38,7 +38,8 @@ class PathParameters(NamedTuple):
     tx_velocity, rx_velocity : ndarray of float64, shape (num_paths, 3)
         Relative to the radars [m/s, world axes].
     inner_length, inner_rate, inner_acceleration : ndarray of float64, shape (num_paths,)
-        Between the two end points [m], [m/s], [m/s2]: a change of a path's length, rate or acceleration.
+        Between the two end points [m], [m/s], [m/s2]: a change of a path's length, rate or acceleration. Paths of
+        `linear_motion` (``"raycast"``, rain) are kept to first order in time: of these the acceleration has no effect.
     tx_origin, rx_origin : ndarray of float64, shape (3,)
         Places of the radar frames [m, world].
     tx_array, rx_array : ndarray of float64, shape (num_tx, 3) and (num_rx, 3)
