@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 OnStage = Callable[[str, float], None]
 """Called with the name of the stage that begins and how many frames are done, parts of a frame included."""
 
+Draw = Callable[[str], float]
+"""Random number from 0 to 1 of a name in a frame."""
+
 
 def _ignore(stage: str, num_done: float) -> None:
     """Report nothing."""
@@ -44,31 +48,53 @@ def _sensor(mount: SensorMount) -> Sensor:
     return sensor
 
 
-def _with_places(mount: SensorMount, rig: Rig, carrier: Mount, time: float) -> SensorMount:
-    """Return a sensor whose interferers that are radars of the same rig have their specification and place.
+def _with_places(mount: SensorMount, rig: Rig, carrier: Mount, time: float, draw: Draw) -> SensorMount:
+    """Return a sensor whose interferers have a start, and radars of the same rig their specification and place.
 
     A radar leaves itself out, so that one list serves all radars of a rig.
     """
     settings = mount.settings
-    if not isinstance(settings, RadarSettings) or all(item.sensor is None for item in settings.interferers):
-        return mount
-    known = tuple(_placed(item, rig, carrier, time) for item in settings.interferers if item.sensor != mount.name)
-    return replace(mount, settings=settings.with_(interferers=known))
+    if not isinstance(mount.spec, RadarSpec) or not isinstance(settings, RadarSettings) or not settings.interferers:
+        return mount  # radars of other kinds refuse them
+    others = [item for item in settings.interferers if item.sensor != mount.name]
+    intervals = {item.sensor: item.frame_interval for item in settings.interferers if item.sensor is not None}
+    starts = {name: draw(name) * (intervals.get(name) or _radar(rig, name).frame_time) for name in intervals}
+    own = 0.0 if not intervals else starts.get(mount.name, draw(mount.name) * mount.spec.frame_time)
+    known = []
+    for item in others:
+        placed = _placed(item, rig, carrier, time)
+        if item.start_time is None:
+            start = _foreign_start(item, draw) if item.sensor is None else starts[item.sensor] - own
+            placed = placed.with_(start_time=start)
+        known.append(placed)
+    return replace(mount, settings=settings.with_(interferers=tuple(known)))
+
+
+def _radar(rig: Rig, name: str) -> RadarSpec:
+    other = rig[name]
+    if not isinstance(other.spec, RadarSpec):
+        raise ParameterRangeError("interferers.sensor", f"'{name}', a {other.kind}", "a radar of the rig")
+    return other.spec
+
+
+def _foreign_start(item: Interferer, draw: Draw) -> float:
+    """Return when a radar that is not of the rig starts a frame [s], the same for all that hear it: by its fields."""
+    assert item.radar is not None  # or a sensor is named
+    return draw(json.dumps(item.model_dump(mode="json"), sort_keys=True)) * (
+        item.frame_interval or item.radar.frame_time
+    )
 
 
 def _placed(item: Interferer, rig: Rig, carrier: Mount, time: float) -> Interferer:
     if item.sensor is None:
         return item
-    other = rig[item.sensor]
-    if not isinstance(other.spec, RadarSpec):
-        raise ParameterRangeError("interferers.sensor", f"'{item.sensor}', a {other.kind}", "a radar of the rig")
     when = {"start_time": item.start_time, "frame_interval": item.frame_interval}
-    place = carrier.at(other.vehicle_from_sensor)
+    place = carrier.at(rig[item.sensor].vehicle_from_sensor)
     velocity = tuple(place.twist.linear.tolist())
     fixed: dict[str, Any] = {"pose": Mount.passing(place.pose, velocity, -time).pose, "velocity": velocity}
     if place.actor is not None:
         fixed = {"pose": place.actor_from_sensor, "actor": place.actor}
-    return Interferer(radar=other.spec, frequency_offset=item.frequency_offset, **when, **fixed)
+    return Interferer(radar=_radar(rig, item.sensor), frequency_offset=item.frequency_offset, **when, **fixed)
 
 
 def observe(
@@ -93,7 +119,8 @@ def observe(
         [s]; it is rounded to whole nanoseconds, the frame's `timestamp_ns`.
     seed : int
         Root of all random numbers, >= 0. A sensor's numbers depend on seed, timestamp and the sensor's name only: not
-        on the order of the sensors and not on the other sensors of the rig.
+        on the order of the sensors and not on the other sensors of the rig. Start times of interferers depend on seed,
+        timestamp and the interferer.
     radar : RadarSettings, optional
         The fields that are set in it replace those of every radar of the rig: method, tolerance, noise and the like.
     vehicle : Mount or Pose, optional
@@ -151,10 +178,14 @@ def observe(
         for mount in looking:
             if mount.kind in SPEC_TYPES:
                 check_placement(state, carrier.at(mount.vehicle_from_sensor).pose.position, f"sensor '{mount.name}'")
+
+    def draw(name: str) -> float:
+        return float(seeds.generator(seed, "interferer", frame=timestamp_ns, sensor=name).uniform())
+
     for position, mount in enumerate(looking):
         on_stage(mount.name, position / len(looking))
         started = perf_counter()
-        results[mount.name] = _sensor(_with_places(mount, rig, carrier, state.time)).observe(
+        results[mount.name] = _sensor(_with_places(mount, rig, carrier, state.time, draw)).observe(
             state,
             carrier.at(mount.vehicle_from_sensor),
             seeds.generator(seed, mount.kind, frame=timestamp_ns, sensor=mount.name),

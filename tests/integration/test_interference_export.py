@@ -124,6 +124,30 @@ def test_start_times_that_are_not_given_follow_the_seed(folder) -> None:
     assert all(0.0 <= start < OTHER.frame_time for start in starts)
 
 
+def heard(frame, *names: str) -> list[list[float]]:
+    return [[one["start_time"] for one in frame.radars[name].diagnostics["interferers"]] for name in names]
+
+
+def test_all_radars_of_a_rig_hear_another_at_one_time_and_each_other_at_opposite_times(folder) -> None:
+    world = ss.load_scene(scene_file(folder))
+    foreign = ss.Interferer(radar=OTHER, actor="car", position=(-2.6, 0.0, 0.8), quaternion=FACING)
+    names = ("front/radar", "side/radar")
+    every = (foreign, *(ss.Interferer(sensor=name, frame_interval=0.05) for name in names))
+    rig = rig_of().with_radar(ss.RadarSettings(interferers=every))
+    here, there = heard(ss.observe(world, rig, seed=3), *names)
+    assert here[0] == there[0] and here[1] == -there[1] != 0.0 and max(map(abs, here)) < 0.05
+    assert heard(ss.observe(world, rig, seed=3, only=names[1:]), names[1]) == [there]
+    assert heard(ss.observe(world, rig, seed=3, only=names[:1]), names[0]) == [here]
+    later = heard(ss.observe(world, rig, 0.05, seed=3), *names)
+    assert later[0] != here and later[0][0] == later[1][0]
+    first, second = (ss.Interferer(sensor=name) for name in names)
+    listens = FEW_RAYS.with_(interferers=(first,), method="raycast")
+    side = SensorMount(names[1], "radar", OTHER, ss.Pose([2.0, 0.5, 1.0]), listens)
+    two = Rig("two", (rig_of(second).sensors[0], side))
+    here, there = heard(ss.observe(world, two, seed=3), *names)  # lists of their own
+    assert here[0] == -there[0]
+
+
 def test_a_scenario_file_brings_them_into_a_dataset(folder, tmp_path) -> None:
     rig_of().save(tmp_path / "rig.yaml")
     text = f"""

@@ -83,7 +83,7 @@ def hear(
         Its pose and velocity.
     interferers : sequence of Interferer
     rng : numpy.random.Generator
-        Of the start times that are not given.
+        Of the start times that are not given; :func:`scarl_sionna.observe` gives them all.
     settings : RadarSettings, optional
         Of the paths, see :func:`one_way_paths`.
 
