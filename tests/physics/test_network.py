@@ -13,6 +13,8 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.link import received_power
+from scarl_sionna.radar.weather.attenuation import weather_attenuation
+from scarl_sionna.radar.weather.clutter import through_weather
 from tests.oracles.waveforms import turns
 from tests.scenes import Thing, box, plane, write_scene
 
@@ -303,6 +305,30 @@ def test_pairs_in_a_scene_are_those_of_the_solver(tmp_path, method) -> None:
     assert powers[0, 1] == pytest.approx(powers[1, 0], rel=0.01) and powers[0, 1] > 0.0
     found = paths[0, 1].length
     assert found[found > 1.0].min() == pytest.approx(2.0 * np.hypot(10.0, 0.2), abs=0.02)
+
+
+def test_rain_lowers_all_pairs_and_sends_back_in_those_of_one_radar(tmp_path) -> None:
+    wall = Thing("plate", plane(0.3, 0.3, (10.0, 0.0, -9.0), (-1, 0, 0)), "Static", "steel")
+    world = ss.load_scene(write_scene(tmp_path, instances=[wall]))
+    rain = ss.Weather(rain_rate=100.0)
+    dry, wet = world.at(0.0), world.with_weather(rain).at(0.0)
+    network = ss.RadarNetwork(RADAR, (ss.Pose([0.0, 0.2, 1.0]), ss.Pose([0.0, -60.0, 1.0])))
+    points = (np.array([[50.0, 0.0, 1.0]]), np.zeros((1, 3)), np.full(1, 1e3))
+    plain, lowered = (ss.network_paths(network, state, points=points) for state in (dry, wet))
+    loss = weather_attenuation(rain, RADAR.center_frequency, "V") / 1e3
+    for pair, some in plain.items():
+        lost = 20.0 * np.log10(np.abs(some.a[0, 0, 0] / lowered[pair].a[0, 0, 0]))
+        assert some.num_paths == lowered[pair].num_paths == 1
+        assert lost == pytest.approx(loss * some.length[0], rel=1e-6) and lost > 2.0
+    with_drops = ss.network_paths(network, wet, points=points, drops=np.random.default_rng(0))
+    counts = {pair: some.num_paths for pair, some in with_drops.items()}
+    assert counts[0, 0] > 100 and counts[1, 1] > 100 and counts[0, 1] == counts[1, 0] == 1
+    assert "one radar" in with_drops[0, 1].diagnostics["weather"]["left_out"]
+    alone = ss.point_targets(*points, RADAR, network.mounts[0], dry, receiver=network.mounts[1])
+    pair = through_weather(alone, wet, RADAR, np.random.default_rng(0))
+    assert np.array_equal(pair.a, lowered[0, 1].a)
+    with pytest.raises(ParameterRangeError, match="in their weather already"):
+        through_weather(lowered[0, 0], wet, RADAR, None)
 
 
 @pytest.mark.parametrize("given", [None, False])

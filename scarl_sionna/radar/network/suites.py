@@ -23,6 +23,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import raw_data
 from scarl_sionna.radar.synthesis.receiver import oscillators
+from scarl_sionna.radar.weather.clutter import through_weather
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -124,12 +125,14 @@ def network_paths(
     *,
     settings: RadarSettings | None = None,
     points: tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike] | None = None,
+    drops: np.random.Generator | None = None,
 ) -> dict[Pair, RadarPaths]:
     """Return the paths of all pairs of a network, a radar with itself included.
 
     By definition, :func:`scarl_sionna.solve_paths` or :func:`scarl_sionna.point_targets` for each. Physical optics is
     not reciprocal off its flashes: unless ``SbrSettings.reciprocal`` is False, either sense of a pair by `sbr` is the
-    mean of both, which costs no further solve here (docs/sbr.md).
+    mean of both, which costs no further solve here (docs/sbr.md). In a state with weather all are lowered by its air,
+    by :func:`scarl_sionna.radar.weather.clutter.through_weather`, which also gives the echoes of the drops.
 
     Parameters
     ----------
@@ -140,6 +143,9 @@ def network_paths(
         With a method that knows a separate receiver: ``"sbr"`` (default) or ``"sionna"``.
     points : tuple of array_like, shapes (N, 3), (N, 3) and (N,), optional
         Positions [m], velocities [m/s] and radar cross-sections [m2] of ideal points.
+    drops : numpy.random.Generator, optional
+        Of the places and speckle of what falls in the state's weather, whose echoes stand in the pair of each radar
+        with itself, not in the others; None leaves them out.
 
     Raises
     ------
@@ -160,9 +166,11 @@ def network_paths(
             found[tx, rx] = point_targets(*points, network.radar, here, state, there, **given)
         elif state is not None:
             found[tx, rx] = solve_paths(state, network.radar, here, settings=chosen, receiver=there)
-    if not is_mean or state is None:
+    if state is None:
         return found
-    return {(i, j): one if i == j else of_both_senses(state, [one, found[j, i]]) for (i, j), one in found.items()}
+    if is_mean:
+        found = {(i, j): one if i == j else of_both_senses(state, [one, found[j, i]]) for (i, j), one in found.items()}
+    return {pair: through_weather(one, state, network.radar, drops, None, settings) for pair, one in found.items()}
 
 
 def synthesize_network(

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY
@@ -226,7 +227,7 @@ def through_weather(
 ) -> RadarPaths:
     """Return the paths of a scene as they are in its weather.
 
-    Attenuated, with the echoes of rain, snow and spray behind them.
+    Attenuated, with the echoes of rain, snow and spray behind them; those of a separate receiver only attenuated.
 
     Parameters
     ----------
@@ -246,12 +247,20 @@ def through_weather(
     -------
     RadarPaths
         ``diagnostics["weather"]`` says what was done and what was left out, with its power.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the paths are in the weather already, as those of :func:`scarl_sionna.network_paths` are.
     """
     weather: Weather = state.world.weather
     if weather.is_clear:
         return paths
+    if "weather" in paths.diagnostics:
+        raise ParameterRangeError("paths", "in their weather already", "paths of solve_paths", "take them as they are")
     air = weather
-    if (weather.rain_rate or weather.snow_rate) and is_under_cover(state, paths.world_from_tx.position):
+    ends = (paths.world_from_tx, *(() if paths.is_monostatic else (paths.world_from_rx,)))
+    if (weather.rain_rate or weather.snow_rate) and all(is_under_cover(state, end.position) for end in ends):
         air = weather.with_(rain_rate=0.0, snow_rate=0.0)
     values = tuple(weather_attenuation(air, radar.center_frequency, name) for name in ("V", "H"))  # type: ignore[arg-type]
     report: dict[str, Any] = {
@@ -259,7 +268,9 @@ def through_weather(
         "under_cover": air != weather,
     }
     blocks = [paths]
-    if rng is not None:
+    if not paths.is_monostatic:
+        report["left_out"] = "echoes of what falls: they are computed for one radar that sends and receives"
+    elif rng is not None:
         settings = settings or RadarSettings()
         knobs = settings.weather_echoes
         budget = clutter_budget(weather, radar, settings=settings)
