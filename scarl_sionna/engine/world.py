@@ -91,6 +91,7 @@ class World(Described):
             if entry.trajectory is not None
         )
         check_bodies(self.actors, self._meshes)
+        self._names: Mapping[str, str] = {}
         self._shapes = Shapes(self.parts, self._meshes)
         corners = self._triangles.corners.reshape(-1, 3) if document.is_foreign else None
         self.instances = {
@@ -230,6 +231,19 @@ class World(Described):
         staged = staged if self.weather == Weather() else staged.with_weather(self.weather)
         return staged.with_changes(self.changes)
 
+    def with_names(self, names: Mapping[str, str]) -> World:
+        """Return this world with further names of actors; it shares everything else.
+
+        Parameters
+        ----------
+        names : mapping of str to str
+            What an actor is called -> its name in the scene, read whenever an actor is asked for; names in the scene
+            go before them.
+        """
+        other = copy.copy(self)
+        other._names = names
+        return other
+
     def with_motion(self, trajectories: Mapping[str, Trajectory]) -> World:
         """Return this world with other trajectories of its actors, by their names; it shares everything else.
 
@@ -274,9 +288,10 @@ class World(Described):
         UnknownNameError
             If there is no such actor.
         """
-        if name not in self._actor_of_name:
-            raise UnknownNameError("actor", name, self._actor_of_name)
-        return self._actor_of_name[name]
+        own = name if name in self._actor_of_name else self._names.get(name)
+        if own not in self._actor_of_name:
+            raise UnknownNameError("actor", name, {*self._actor_of_name, *self._names})
+        return self._actor_of_name[own]
 
     @property
     def is_indoors(self) -> bool:
@@ -438,13 +453,11 @@ class WorldState(Described):
 
     def actor_pose(self, name: str) -> Pose:
         """Return world_from_actor of an actor."""
-        self.world.actor(name)
-        return self._poses[name]
+        return self._poses[self.world.actor(name).name]
 
     def actor_twist(self, name: str) -> Twist:
         """Return the velocity of an actor."""
-        self.world.actor(name)
-        return self._twists[name]
+        return self._twists[self.world.actor(name).name]
 
     def mount(self, actor: str | None, actor_from_sensor: Pose | None = None) -> Mount:
         """Return pose and velocity of a sensor that rides on an actor.
@@ -667,7 +680,7 @@ class WorldState(Described):
     def _boxes(self) -> tuple[ObjectState, ...]:
         states = []
         for info in self.world.instances.values():
-            if not info.is_object or (info.actor is not None and not self._is_present(info.actor)):
+            if not info.is_object or (info.actor is not None and not self.is_present(info.actor)):
                 continue
             if info.actor is None:
                 box, twist, tight = info.frame_from_box, Twist(), {}
@@ -682,7 +695,8 @@ class WorldState(Described):
             )
         return tuple(states)
 
-    def _is_present(self, name: str) -> bool:
+    def is_present(self, name: str) -> bool:
+        """Return whether an actor is in the scene at this time: it may come later or be gone."""
         return is_present(self.world.actor(name).trajectory, self.time)
 
     def _tight_box(self, info: InstanceInfo) -> dict[str, Any]:

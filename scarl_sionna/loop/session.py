@@ -25,6 +25,8 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.arguments import HOW_TO_RIG, HOW_TO_WORLD, expect, number
 from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity
 from scarl_sionna.core.results import Frame
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.specs.radio import RadioSpec
 from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.scenario.traffic.planned import BETWEEN, DEPTH
 from scarl_sionna.scene.document.staging import StagedActor
@@ -98,12 +100,13 @@ class Session(Described):
                 name = f"body-{len(staged) + 1}"
                 staged.append(StagedActor(name, model, self._told(name), detail=settings.detail))  # type: ignore[arg-type]
                 self._free[model].append(name)
+        self._names: dict[str, str] = {}  # whom interferers and stations of the rig may name, and the bodies
         self._own = tuple(actor.name for actor in loaded.actors if actor.name not in settings.keep)
         if staged:
             loaded = loaded.with_actors(staged)
         self._world: World | None = loaded.with_motion(
             {name: self._motion.get(name) or self._told(name) for name in (*self._own, *self._motion)}
-        )
+        ).with_names(self._names)
         self.vehicle = loaded.ego if vehicle is None else vehicle
         if self.vehicle is None:
             raise PlacementError(
@@ -115,6 +118,7 @@ class Session(Described):
     def _begin(self) -> None:
         """Set everything to before the first step."""
         self._free = {model: list(names) for model, names in self._bodies.items()}
+        self._names.clear()
         self._body: dict[str, str] = {name: name for name in self._own}
         self._model: dict[str, str] = {}
         self._last: dict[str, Pose] = {}
@@ -235,6 +239,7 @@ class Session(Described):
         self._body, self._model, self._free = body, model, free
         self._last = {name: value.pose for name, value in told.items()}
         of_body = {body[name]: name for name in told}
+        self._call(of_body)
         for name, motion in self._motion.items():
             who = of_body.get(name)
             motion.tell(now_ns / 1e9, None if who is None else told[who].pose, _REST if who is None else twists[who])
@@ -248,6 +253,17 @@ class Session(Described):
         self._num_steps += 1
         self._count("step", perf_counter() - started)
         return frame
+
+    def _call(self, of_body: Mapping[str, str]) -> None:
+        """Let the world know everybody who is there by name, and who is not, but is named in the rig, as away."""
+        for name, body in tuple(self._names.items()):
+            if body in of_body:
+                del self._names[name]
+        self._names.update((name, body) for body, name in of_body.items())
+        away = next((name for name in self._motion if name not in of_body), None)
+        for name in _named(self.rig):
+            if away is not None and name not in self.settings.keep:  # names in the scene go before
+                self._names.setdefault(name, away)
 
     def _look(self, world: World, now_ns: int, due: list[str], of_body: Mapping[str, str]) -> Frame:
         carrier: Mount | Pose
@@ -357,7 +373,7 @@ class Session(Described):
         """
         if not self.settings.record:
             raise SessionError("the session kept no record; make it with SessionSettings(record=True)")
-        return self.world.with_motion(self._motion)
+        return self.world.with_motion(self._motion).with_names(dict(self._names))
 
     def close(self) -> None:
         """Let go of the world; a step after this raises."""
@@ -377,6 +393,17 @@ def _rates(rig: Rig, wanted: Mapping[str, float]) -> dict[str, float | None]:
     return {
         name: next((rate for pattern, rate in wanted.items() if fnmatchcase(name, pattern)), None) for name in rig.names
     }
+
+
+def _named(rig: Rig) -> set[str]:
+    """Return the actors on which other radars and stations of a rig ride."""
+    found: set[str | None] = set()
+    for mount in rig.sensors:
+        if isinstance(mount.settings, RadarSettings):
+            found |= {other.actor for other in mount.settings.interferers}
+        if isinstance(mount.spec, RadioSpec):
+            found |= {station.actor for station in mount.spec.stations}
+    return {name for name in found if name is not None}
 
 
 def _pairs(poses: object) -> Iterable[tuple[str, Any]]:

@@ -20,7 +20,6 @@ from scarl_sionna.engine.paths.links import Links, trace_links
 from scarl_sionna.engine.paths.tracing import PathBufferOverflowError
 from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.engine.world import WorldState
-from scarl_sionna.scene.motion.trajectory import is_present
 from scarl_sionna.signal.radio import response
 
 SMALL_MIRROR_SHARE = 0.01
@@ -185,4 +184,4 @@ def _placed(state: WorldState, station: RadioStation) -> Mount:
 
 def _is_there(state: WorldState, station: RadioStation) -> bool:
     """Return whether a station is in the scene: its actor may come later or be gone."""
-    return station.actor is None or is_present(state.world.actor(station.actor).trajectory, state.time)
+    return station.actor is None or state.is_present(station.actor)

@@ -142,6 +142,38 @@ def test_actors_come_and_go_and_a_record_gives_the_same_bytes(world: ss.World) -
         other.recorded()
 
 
+def test_radars_and_stations_ride_on_actors_by_the_names_of_the_session(world: ss.World) -> None:
+    other = ss.Interferer(radar=RADAR, actor="7", position=(-2.5, 0.0, 0.8), quaternion=(0.0, 0.0, 0.0, 1.0))
+    stations = tuple({"name": name, "actor": name, "position": (0.0, 0.0, 2.0)} for name in ("7", "car"))
+    radio = ss.RadioSpec(stations=stations, num_subcarriers=2)
+    few = ss.RadioSettings(solver={"max_depth": 0, "num_samples": 5_000})
+    rig = ss.Rig(
+        "hears",
+        (
+            SensorMount("radar", "radar", RADAR, MOUNT, FAST.with_(interferers=(other,), noise=False)),
+            SensorMount("radio", "radio", radio, ss.Pose([0.0, 0.0, 2.0]), few),
+        ),
+    )
+    ego = ss.ActorPose(ss.Pose([0, 0, 0]), ss.Twist([10.0, 0, 0]))
+    ahead = {name: ss.ActorPose(ss.Pose([x, 0, 0]), ss.Twist(), "small_car") for name, x in (("7", 20.0), ("8", 30.0))}
+    steps = ({}, {"8": ahead["8"]}, dict(ahead), {"7": ahead["7"]}, {})
+    settings = ss.SessionSettings(bodies={"small_car": 2}, detail="light", record=True)
+    with ss.Session(world, rig, settings) as session:
+        frames = [session.step(0.1 * number, {"ego": ego, **others}) for number, others in enumerate(steps)]
+        recorded = session.recorded()
+    for frame, others in zip(frames, steps, strict=True):
+        source = frame.radars["radar"].diagnostics["interferers"][0]
+        channels = frame.radios["radio"]
+        assert bool(source["num_paths"]) == ("7" in others) == ("7" not in channels.diagnostics["absent_stations"])
+        assert "car" in channels.diagnostics["absent_stations"] and channels.spec == radio
+        if "7" in others:
+            gain = 10.0 ** (source["path_gain_db"] / 20.0)
+            assert RADAR.wavelength / (4.0 * np.pi * gain) == pytest.approx(20.0 - 2.5 - 2.1, rel=1e-6)
+            assert channels.world_from_station[0, :3] == pytest.approx([20.0, 0.0, 2.0])
+    again = ss.observe(recorded, rig, 0.2, vehicle=recorded.at(0.2).mount("ego"))
+    assert same(again.radars["radar"], frames[2].radars["radar"])
+
+
 def test_wheels_and_legs_do_not_keep_what_was_only_expected(world: ss.World) -> None:
     """A frame looks beyond its step (blocks of chirps, a turning lidar); joints must not sum what came otherwise."""
     settings = ss.SessionSettings(bodies={"small_car": 1}, record=True)

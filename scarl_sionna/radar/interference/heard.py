@@ -14,6 +14,7 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.interferer import Interferer
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.noise import sample_noise_power
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
@@ -82,6 +83,7 @@ def hear(
     mount : Mount
         Its pose and velocity.
     interferers : sequence of Interferer
+        One on an actor that is not in the scene at the state's time is not heard.
     rng : numpy.random.Generator
         Of the start times that are not given; :func:`scarl_sionna.observe` gives them all.
     settings : RadarSettings, optional
@@ -114,7 +116,11 @@ def hear(
             )
         interval = other.frame_interval or sender.frame_time
         start = float(rng.uniform(0.0, interval)) if other.start_time is None else other.start_time
-        paths = one_way_paths(sender, _place(state, other), mount, state, settings)
+        there = _place(state, other)
+        if state is None or other.actor is None or state.is_present(other.actor):
+            paths = one_way_paths(sender, there, mount, state, settings)
+        else:
+            paths = RadarPaths.empty(there.pose, mount.pose)
         total += synthesize_interference(paths, sender, radar, start, interval, other.frequency_offset)
         strongest = float(np.max(np.abs(paths.a), initial=0.0))
         level = None if strongest == 0.0 else float(20.0 * np.log10(strongest))
