@@ -34,7 +34,7 @@ from scarl_sionna.scene.materials.lying_snow import with_lying_snow
 from scarl_sionna.scene.materials.table import MaterialTable
 from scarl_sionna.scene.materials.wet import wet_surfaces
 from scarl_sionna.scene.motion.articulation import joints_on_ground
-from scarl_sionna.scene.motion.trajectory import Motion, Trajectory, is_present
+from scarl_sionna.scene.motion.trajectory import Motion, Trajectory, expect_trajectory, is_present
 from scarl_sionna.scene.tables import Actor, InstanceInfo, RayHits, part_table
 
 from .changing import Changes
@@ -251,9 +251,12 @@ class World(Described):
         ------
         UnknownNameError
             If there is no such actor.
+        InputTypeError
+            If a value is no trajectory.
         """
-        for name in trajectories:
+        for name, trajectory in trajectories.items():
             self.actor(name)
+            expect_trajectory(f"trajectory of '{name}'", trajectory)
         other = copy.copy(self)
         other.__dict__.pop("_actor_of_name", None)
         other._changes = self._changes.moved(trajectories)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
-from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
+from scarl_sionna.core.errors import InputTypeError, MaterialError, ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.scene.actors.model import actor_names, read_actor_model
 from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
@@ -210,6 +210,7 @@ def test_the_phase_moves_the_legs(tmp_path):
         ({"colors": {"paint": "red"}}, ParameterRangeError, "three numbers"),
         ({"radio": {"pant": "metal"}}, UnknownNameError, "did you mean 'paint'"),
         ({"phase": float("nan")}, ParameterRangeError, "finite"),
+        ({"trajectory": ss.Pose()}, InputTypeError, "a Pose, not a trajectory: it has no pose, twist, start, stop"),
         ({"model": "saloone"}, UnknownNameError, "did you mean 'saloon'"),
         ({"model": "models/tractor"}, SceneError, "no actor model lies here"),
     ],

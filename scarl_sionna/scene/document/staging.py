@@ -17,7 +17,7 @@ from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.scene.actors.model import DETAILS, ActorModel, Color, ModelLevel, check_colors, read_actor_model
 from scarl_sionna.scene.bodies.bending import bending_from_table
 from scarl_sionna.scene.motion.articulation import joints_from_tables, joints_on
-from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
+from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory, expect_trajectory
 
 from .analytic import kept_transform
 from .model import InstanceEntry, MaterialEntry, SceneDocument
@@ -57,6 +57,8 @@ class StagedActor(Described):
     ------
     ParameterRangeError, UnknownNameError, MaterialError, SceneError
         If a name, colour or phase is not allowed, or the model does not have what is named.
+    InputTypeError
+        If `trajectory` is none.
     """
 
     name: str
@@ -72,6 +74,7 @@ class StagedActor(Described):
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(str(self.name)):
             raise ParameterRangeError("name of an actor", repr(self.name), "letters, digits, '_' and '-'")
+        expect_trajectory(f"trajectory of actor '{self.name}'", self.trajectory)
         model = self.model if isinstance(self.model, ActorModel) else read_actor_model(self.model)
         object.__setattr__(self, "model", model)
         if self.detail not in DETAILS:

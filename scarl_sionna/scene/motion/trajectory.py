@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PPoly
 
-from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, UnknownNameError
+from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, TimeRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.describe import Described
 
@@ -46,6 +46,26 @@ class Trajectory(Protocol):
 
     def twist(self, time: float) -> Twist:
         """Return the velocity at a time [s]."""
+
+
+def expect_trajectory(name: str, value: object) -> None:
+    """Raise if a value is no trajectory.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, for the message.
+    value : object
+
+    Raises
+    ------
+    InputTypeError
+        If it lacks `pose`, `twist`, `start` or `stop`.
+    """
+    missing = [part for part in ("pose", "twist", "start", "stop") if not hasattr(value, part)]
+    if missing:
+        wanted = f"a trajectory: it has no {', '.join(missing)}"
+        raise InputTypeError(name, value, wanted, "pose(time) and twist(time) are asked for from start to stop [s]")
 
 
 def is_present(trajectory: Trajectory, time: float) -> bool:
