@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
-from scarl_sionna.core.errors import ParameterRangeError, ScarlError
+from scarl_sionna.core.errors import ParameterRangeError, PlacementError, ScarlError
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.radar.weather.attenuation import weather_attenuation
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
@@ -197,6 +197,9 @@ def test_what_is_refused_says_so(folder) -> None:
     world = ss.load_scene(scene_file(folder))
     with pytest.raises(ScarlError, match="nobody"):
         ss.observe(world, rig_of(ss.Interferer(radar=OTHER, actor="nobody")))
+    at_the_radar = tuple(PLACE.position.tolist())
+    with pytest.raises(PlacementError, match="one place"):
+        ss.observe(world, rig_of(ss.Interferer(radar=OTHER, actor="ego", position=at_the_radar)))
     with pytest.raises(ScarlError, match="no/radar"):
         ss.observe(world, rig_of(ss.Interferer(sensor="no/radar")))
     with_camera = ss.Rig("c", (*rig_of(ss.Interferer(sensor="a/camera")).sensors, CAMERA))

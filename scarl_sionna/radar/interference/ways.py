@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 FARTHEST = 1e6
 """Half of the longest path [m] where the settings give none: another radar's maximum range says nothing here."""
 
+ONE_PLACE = 1e-6
+"""Radars nearer than this [m] stand at one place: what is left is rounding."""
+
 
 def one_way_paths(
     sender: RadarSpec,
@@ -67,6 +70,7 @@ def one_way_paths(
     """
     if state is not None:
         here, there = state.as_mount(sender_mount), state.as_mount(receiver_mount)
+        _apart(here, there)
         knobs = settings or RadarSettings()
         knobs = knobs.with_(max_distance=knobs.max_distance or FARTHEST)
         paths = solve_sionna(state, sender, here, knobs, there, Sought(objects=False))
@@ -78,9 +82,7 @@ def one_way_paths(
         return attenuate(paths, sender, losses)
     here, there = Mount.of(sender_mount), Mount.of(receiver_mount)
     ahead = there.pose.position - here.pose.position
-    length = float(np.linalg.norm(ahead))
-    if length == 0.0:
-        raise PlacementError("two radars stand at one place; move one of them")
+    length = _apart(here, there)
     towards = ((there, -ahead / length), (here, ahead / length))
     bases = [spherical_basis(place.pose.rotation, direction[None])[0] for place, direction in towards]
     relative = there.twist.linear - here.twist.linear
@@ -106,3 +108,11 @@ def one_way_paths(
         rx_twist=there.twist,
         diagnostics={"method": "free space"},
     )
+
+
+def _apart(here: Mount, there: Mount) -> float:
+    """Return how far two radars are apart [m]; raise if they stand at one place."""
+    length = float(np.linalg.norm(there.pose.position - here.pose.position))
+    if length < ONE_PLACE:
+        raise PlacementError("two radars stand at one place; move one of them")
+    return length
