@@ -13,8 +13,9 @@ import scarl_sionna as ss
 from scarl_sionna.core.errors import MapError, MapWarning
 from scarl_sionna.scene.streets.openstreetmap.buildings import buildings
 from scarl_sionna.scene.streets.openstreetmap.data import read_osm
-from scarl_sionna.scene.streets.openstreetmap.extract import read_extract
+from scarl_sionna.scene.streets.openstreetmap.extract import netconvert_options, read_extract
 from scarl_sionna.scene.streets.openstreetmap.projection import AXIS, FLATTENING, Projection
+from scarl_sionna.scene.streets.openstreetmap.side import is_driven_on_the_left
 from scarl_sionna.scene.streets.source import Source
 from tests import street_extracts as extracts
 
@@ -237,3 +238,55 @@ def test_tags_that_are_no_numbers_are_findings_and_seeds_repeat(tmp_path):
     text = " ".join(str(one) for one in source.findings())
     for words in ("is no length", "roof:shape=onion is drawn flat", "is not closed", "crosses itself", "by seed"):
         assert words in text
+
+
+def _side(folder, roads: list[str], boundary: str = "", root: str = "") -> tuple[bool, str, bool]:
+    """Whether an extract is driven on the left, its findings, and what netconvert is told."""
+    w = extracts.Writer()
+    for k, side in enumerate(roads):
+        tags = {"highway": "residential", **({"driving_side": side} if side else {})}
+        w.way([(0.0, 10.0 * k), (50.0, 10.0 * k)], tags)
+    if boundary:
+        w.multipolygon([1], [], {"boundary": "administrative", "driving_side": boundary})
+    file = _file(folder, w.text.replace("<osm ", f"<osm driving_side='{root}' " if root else "<osm "))
+    source = Source(file)
+    extract = read_osm(file, source)
+    is_left = is_driven_on_the_left(extract, source)
+    options = netconvert_options(file, extract, is_left, folder / "net.xml")
+    told = {"true": True, "false": False}[options[options.index("--lefthand") + 1]]
+    return is_left, " ".join(str(one) for one in source.findings()), told
+
+
+@pytest.mark.parametrize(
+    ("roads", "boundary", "root", "is_left", "finding"),
+    [
+        ([""], "", "", False, "driven on the right, which is assumed"),
+        ([""], "", "left", True, ""),
+        (["left"], "", "right", False, ""),
+        (["left", ""], "right", "", True, ""),
+        ([""], "left", "", True, ""),
+        (["left", "right", "left"], "", "", True, "2 say left and 1 right"),
+        (["middle"], "", "", False, "which is assumed"),
+    ],
+)
+def test_the_driving_side_is_told_by_root_roads_or_boundaries(tmp_path, roads, boundary, root, is_left, finding):
+    found, text, told = _side(tmp_path, roads, boundary, root)
+    assert found is told is is_left
+    assert finding in text and ("driven" in text) == bool(finding)
+
+
+def test_a_driving_side_that_is_none_is_refused(tmp_path):
+    with pytest.raises(MapError, match="driving_side = 'both' is no side"):
+        _side(tmp_path, [""], root="both")
+
+
+def test_lanes_of_an_extract_driven_on_the_left_are_on_the_left(tmp_path):
+    pytest.importorskip("sumo", reason="eclipse-sumo is not installed")
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        w = extracts.Writer()
+        w.way([(-80.0, 0.0), (80.0, 0.0)], {"highway": "secondary", "lanes": "2", "driving_side": side})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", MapWarning)
+            world = ss.load_scene(_file(tmp_path, w.text))
+        lanes = [lane for lane in world.document.lanes.lanes if lane.points[-1, 0] - lane.points[0, 0] > 50.0]
+        assert lanes and all(np.sign(lane.points[:, 1].mean()) == sign for lane in lanes)

@@ -18,6 +18,8 @@ from .projection import Projection
 LARGEST = 20_000.0
 """Largest distance from the middle of an extract [m]: beyond, a plane and single precision are not what it is."""
 NORTHMOST = 84.0
+SIDE, SIDES = "driving_side", ("left", "right")
+"""Tag, and attribute of the root, that say on which side is driven; its values."""
 _LICENCE = "(c) OpenStreetMap contributors, ODbL 1.0"
 USED: dict[str, tuple[str, ...]] = {
     "osm": ("bounds", "node", "way", "relation", "note", "meta"),
@@ -67,7 +69,10 @@ class Relation:
 
 @dataclass(frozen=True, eq=False)
 class Extract:
-    """A whole file; `bounds`: least longitude and latitude, largest ones [deg]; `nodes` are those with tags."""
+    """A whole file; `bounds`: least longitude and latitude, largest ones [deg]; `nodes` are those with tags.
+
+    `driving_side` is what the file's root says of it: ``left``, ``right``, or empty.
+    """
 
     name: str
     projection: Projection
@@ -76,6 +81,7 @@ class Extract:
     ways: Mapping[str, Way]
     relations: tuple[Relation, ...]
     licence: str
+    driving_side: str = ""
 
 
 def read_osm(path: Path, source: Source) -> Extract:
@@ -124,9 +130,12 @@ def read_osm(path: Path, source: Source) -> Extract:
                 raise source.error(one, f"id = '{way.id}' stands twice")
             ways[way.id] = way
     relations = tuple(_relation(source, one) for one in children(root, "relation") if one.get("action") != "delete")
+    side = source.text(root, SIDE, "")
+    if side not in ("", *SIDES):
+        raise source.error(root, f"{SIDE} = '{side[:40]}' is no side", f"give {SIDE}='left' or {SIDE}='right'")
     return Extract(
-        path.name.removesuffix(".xml").removesuffix(".osm"), projection, bounds, nodes, ways, relations, _LICENCE
-    )
+        path.name.removesuffix(".xml").removesuffix(".osm"), projection, bounds, nodes, ways, relations, _LICENCE, side
+    )  # fmt: skip # a call
 
 
 def _twice(elements: Sequence[LinedElement]) -> int:

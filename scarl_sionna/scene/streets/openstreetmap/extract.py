@@ -23,6 +23,7 @@ from ..sumo.street import Streets, net_street
 from .buildings import buildings
 from .crossings import crossings
 from .data import Extract, Tags, Way, read_osm
+from .side import is_driven_on_the_left
 from .things import BARRIERS, PATHS, POINTS, paved, tagged, things
 
 LAYER = 6.0
@@ -55,7 +56,7 @@ def read_extract(path: Path) -> StreetMap:
     extract = read_osm(path, source)
     if not any(way.tags.get("highway", "no") not in ("no", *PATHS) for way in extract.ways.values()):
         raise MapError("holds no road for cars", path, "give an extract with ways tagged 'highway'")
-    made = _roads(path, extract)
+    made = _roads(path, extract, is_driven_on_the_left(extract, source))
     roads = dict(made.street.roads)
     for name, road in roads.items():
         ways = [extract.ways[one] for one in made.origins.get(name, ()) if one in extract.ways]
@@ -85,29 +86,35 @@ def _of_line(road: Road, line: int) -> Road:
     return replace(road, line=line, sections=sections)
 
 
-def _roads(path: Path, extract: Extract) -> Streets:
+def netconvert_options(path: Path, extract: Extract, is_left_hand: bool, result: Path) -> list[str]:
+    """Return what netconvert is asked for: the roads of an extract in its own metres, written to `result`."""
+    options = [
+        "--osm-files", str(path.resolve()), "--proj", extract.projection.definition,
+        "--offset.disable-normalization", "true", "--osm.sidewalks", "true", "--osm.bike-access", "true",
+        "--osm.turn-lanes", "true", "--osm.elevation", "true", "--lefthand", str(is_left_hand).lower(),
+        "--osm.layer-elevation", f"{LAYER:g}", "--geometry.remove", "true", "--roundabouts.guess", "true",
+        "--junctions.join", "true", "--walkingareas", "true", "--output.original-names", "true",
+        "--output.street-names", "true", "--junctions.internal-link-detail", "20", "--no-turnarounds", "true",
+        "--rectangular-lane-cut", "true", "--tls.default-type", "static", "--precision", "4",
+        "--keep-edges.by-vclass", ",".join(sorted(CARS | {"bus", "coach"})), "--output-file", str(result),
+    ]  # fmt: skip # a table
+    home = sumo_home()
+    types = [] if home is None else [home / "data" / "typemap" / name for name in _TYPES]
+    if types and all(one.is_file() for one in types):
+        options += ["--type-files", ",".join(map(str, types))]
+    if extract.bounds is not None:
+        west, south, east, north = extract.bounds
+        around = (west - _MARGIN, south - _MARGIN, east + _MARGIN, north + _MARGIN)
+        options += ["--keep-edges.in-geo-boundary", ",".join(f"{value:.7f}" for value in around)]
+    return options
+
+
+def _roads(path: Path, extract: Extract, is_left_hand: bool) -> Streets:
     """Return the roads for cars by netconvert, in the extract's own metres."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         result = folder / "extract.net.xml"
-        options = [
-            "--osm-files", str(path.resolve()), "--proj", extract.projection.definition,
-            "--offset.disable-normalization", "true", "--osm.sidewalks", "true", "--osm.bike-access", "true",
-            "--osm.turn-lanes", "true", "--osm.elevation", "true",
-            "--osm.layer-elevation", f"{LAYER:g}", "--geometry.remove", "true", "--roundabouts.guess", "true",
-            "--junctions.join", "true", "--walkingareas", "true", "--output.original-names", "true",
-            "--output.street-names", "true", "--junctions.internal-link-detail", "20", "--no-turnarounds", "true",
-            "--rectangular-lane-cut", "true", "--tls.default-type", "static", "--precision", "4",
-            "--keep-edges.by-vclass", ",".join(sorted(CARS | {"bus", "coach"})), "--output-file", str(result),
-        ]  # fmt: skip # a table
-        home = sumo_home()
-        types = [] if home is None else [home / "data" / "typemap" / name for name in _TYPES]
-        if types and all(one.is_file() for one in types):
-            options += ["--type-files", ",".join(map(str, types))]
-        if extract.bounds is not None:
-            west, south, east, north = extract.bounds
-            around = (west - _MARGIN, south - _MARGIN, east + _MARGIN, north + _MARGIN)
-            options += ["--keep-edges.in-geo-boundary", ",".join(f"{value:.7f}" for value in around)]
+        options = netconvert_options(path, extract, is_left_hand, result)
         try:
             run_netconvert(options, folder, result, f"the roads of {path.name}")
         except SimulatorError as error:
