@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from scarl_sionna.core.errors import SimulatorError
 from scarl_sionna.core.packages import require
@@ -30,6 +31,11 @@ _HEADER = struct.Struct("<I")
 _VERSION = (3, 8, 0)
 _KINDS = {"Car": "CAR", "Truck": "HEAVY_TRUCK", "Bus": "BUS", "Train": "TRAIN", "Motorcycle": "MOTORBIKE"}
 _KINDS |= {"Bicycle": "BICYCLE"}
+_AXLE_SHARE = 0.295
+"""How far the rear axle is behind the middle of a vehicle, of its length: cars of this package have 0.29 to 0.30."""
+_WHEEL_RADIUS = {"Truck": 0.5, "Bus": 0.5}
+_CAR_WHEEL = 0.33
+"""Height of the axle of all other vehicles [m]."""
 
 
 def osi_poses(
@@ -68,7 +74,7 @@ def osi_poses(
     return found
 
 
-def osi_ground_truth(frame: Frame, host: str = "ego") -> Message:
+def osi_ground_truth(frame: Frame, host: str = "ego", axles: Mapping[str, float] | None = None) -> Message:
     """Return the truth about a frame's objects as a GroundTruth message.
 
     Parameters
@@ -76,19 +82,23 @@ def osi_ground_truth(frame: Frame, host: str = "ego") -> Message:
     frame : Frame
     host : str
         Name of the host vehicle among its objects.
+    axles : mapping of str to float, optional
+        x of the rear axle from the middle of the body by the name of the object [m], as `rear_axle` of actor models;
+        of others it is -0.295 of their length, an estimate.
 
     Returns
     -------
     betterosi.GroundTruth
         Actors are moving objects, all else is stationary; numbers are our instances, names stand in
         ``source_reference``. A session gives the number of a body that is free again to the next actor that takes it:
-        there, the name tells who it is. Of rates the yaw rate alone is written.
+        there, the name tells who it is. Of rates the yaw rate alone is written. Vehicles bear `bbcenter_to_rear`; the
+        height of an axle is an estimate: 0.5 m of lorries and buses, 0.33 m of others.
     """
     osi = require("betterosi", "osi")
     truth = osi.GroundTruth(version=_version(osi), timestamp=_timestamp(osi, frame.timestamp_ns))
     for item in frame.objects:
         if item.is_actor:
-            truth.moving_object.append(_moving(osi, item))
+            truth.moving_object.append(_moving(osi, item, axles))
         else:
             base = osi.BaseStationary(**_box(osi, item))
             truth.stationary_object.append(osi.StationaryObject(id=osi.Identifier(value=item.instance), base=base))
@@ -97,7 +107,7 @@ def osi_ground_truth(frame: Frame, host: str = "ego") -> Message:
     return truth
 
 
-def _moving(osi: Any, item: ObjectState) -> Message:  # noqa: ANN401  # the package
+def _moving(osi: Any, item: ObjectState, axles: Mapping[str, float] | None) -> Message:  # noqa: ANN401  # the package
     name = SEMANTIC_CLASSES[item.semantic]
     types = osi.MovingObject.Type
     base = osi.BaseMoving(
@@ -114,7 +124,24 @@ def _moving(osi: Any, item: ObjectState) -> Message:  # noqa: ANN401  # the pack
         kinds = osi.MovingObject.VehicleClassification.Type
         kind = getattr(kinds, _KINDS.get(name, "OTHER"))
         moving.vehicle_classification = osi.MovingObject.VehicleClassification(type=kind)
+        rear = _vector(osi, _rear_axle(item, axles))
+        moving.vehicle_attributes = osi.MovingObject.VehicleAttributes(bbcenter_to_rear=rear)
     return moving
+
+
+def _rear_axle(item: ObjectState, axles: Mapping[str, float] | None) -> npt.NDArray[np.float64]:
+    """Return the middle of a vehicle's rear axle in the axes of its box, from the box's centre, shape (3,) [m]."""
+    length, _, height = (float(size) for size in item.size)
+    wheel = min(_WHEEL_RADIUS.get(SEMANTIC_CLASSES[item.semantic], _CAR_WHEEL), 0.5 * height)
+    return np.array([(axles or {}).get(item.name, -_AXLE_SHARE * length), 0.0, wheel - 0.5 * height])
+
+
+def _world_from_host(frame: Frame, host: str, axles: Mapping[str, float] | None) -> Pose:
+    """Return the pose of OSI's vehicle frame: at the middle of the rear axle; without a host that of the rig."""
+    for item in frame.objects:
+        if item.name == host:
+            return item.world_from_box.compose(Pose(_rear_axle(item, axles)))
+    return frame.world_from_vehicle
 
 
 def _box(osi: Any, item: ObjectState) -> dict[str, Message]:  # noqa: ANN401
@@ -147,7 +174,9 @@ def _version(osi: Any) -> Message:  # noqa: ANN401
     return osi.InterfaceVersion(version_major=major, version_minor=minor, version_patch=patch)
 
 
-def osi_sensor_data(frame: Frame, host: str = "ego", pfa: float = 1e-6) -> Message:
+def osi_sensor_data(
+    frame: Frame, host: str = "ego", pfa: float = 1e-6, axles: Mapping[str, float] | None = None
+) -> Message:
     """Return the detections of a frame's radars as one SensorData message, with the truth as its sensor view.
 
     Parameters
@@ -157,25 +186,30 @@ def osi_sensor_data(frame: Frame, host: str = "ego", pfa: float = 1e-6) -> Messa
         Name of the host vehicle.
     pfa : float
         Probability of false alarm of the detections.
+    axles : mapping of str to float, optional
+        As of :func:`osi_ground_truth`.
 
     Returns
     -------
     betterosi.SensorData
         ``feature_data.radar_sensor`` in the order of the frame's radars, numbered from 0; positions in the sensor's
-        frame; radial velocities over ground, positive towards the sensor [1]_. Images and lidar points are left out.
+        frame; radial velocities over ground, positive towards the sensor [1]_. Mounting positions are in the host's
+        frame by ISO 8855, whose origin is the middle of its rear axle (`bbcenter_to_rear` of the truth from the
+        centre of its box); of a rig without a host they are in the rig's. Images and lidar points are left out.
 
     References
     ----------
-    .. [1] ASAM OSI 3.8, osi_featuredata.proto, RadarDetection.
+    .. [1] ASAM OSI 3.8, osi_featuredata.proto: RadarDetection, SensorDetectionHeader; osi_object.proto:
+           MovingObject.VehicleAttributes.
     """
     osi = require("betterosi", "osi")
     time = _timestamp(osi, frame.timestamp_ns)
-    truth = osi_ground_truth(frame, host)
+    truth, host_from_world = osi_ground_truth(frame, host, axles), _world_from_host(frame, host, axles).inverse()
     features = osi.FeatureData(version=_version(osi))
     for number, radar in enumerate(frame.radars.values()):
         sensed = sensed_points(frame, radar, pfa)
         points = sensed.points
-        place = frame.world_from_vehicle.inverse().compose(radar.world_from_sensor)
+        place = host_from_world.compose(radar.world_from_sensor)
         header = osi.SensorDetectionHeader(
             measurement_time=time,
             cycle_counter=frame.index,
@@ -256,7 +290,11 @@ def _received(connection: socket.socket, size: int) -> bytes:
 
 
 def serve_osi(
-    session: Session, connection: socket.socket, types: Mapping[str, str] | None = None, sensor_view: bool = False
+    session: Session,
+    connection: socket.socket,
+    types: Mapping[str, str] | None = None,
+    sensor_view: bool = False,
+    axles: Mapping[str, float] | None = None,
 ) -> Iterator[Frame]:
     """Step a session by the messages of a connection and answer each by one SensorData; yields the frames.
 
@@ -270,6 +308,8 @@ def serve_osi(
         As of :func:`osi_poses`.
     sensor_view : bool
         Messages are SensorView, with the truth in ``global_ground_truth``; else GroundTruth.
+    axles : mapping of str to float, optional
+        As of :func:`osi_ground_truth`.
 
     Raises
     ------
@@ -284,7 +324,7 @@ def serve_osi(
         truth = message.global_ground_truth if sensor_view else message
         time = truth.timestamp.seconds + 1e-9 * truth.timestamp.nanos
         frame = session.step(time, osi_poses(truth, types, ego_name=host))
-        send_osi(connection, osi_sensor_data(frame, host))
+        send_osi(connection, osi_sensor_data(frame, host, axles=axles))
         yield frame
 
 

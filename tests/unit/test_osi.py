@@ -114,6 +114,19 @@ def test_truth_of_a_frame_goes_out_and_comes_in(world: ss.World) -> None:
     assert len(osi.GroundTruth.from_binary(raw).stationary_object) == 1
 
 
+def test_a_sensor_is_mounted_where_the_host_s_box_and_axle_say(world: ss.World) -> None:
+    """ISO 8855, as OSI has it: from the middle of the rear axle, which `bbcenter_to_rear` tells."""
+    frame = ss.observe(world, RIG, 1.0, 0)
+    for axles, x in ((None, -0.295 * 4.0), ({"ego": -1.4}, -1.4)):
+        told = osi.SensorData.from_binary(osi_sensor_data(frame, axles=axles).to_binary())
+        truth = told.sensor_view[0].global_ground_truth
+        host = next(one for one in truth.moving_object if one.id.value == truth.host_vehicle_id.value)
+        rear, at = host.vehicle_attributes.bbcenter_to_rear, told.feature_data.radar_sensor[0].header.mounting_position
+        assert rear.x == pytest.approx(x) and rear.y == 0.0 and rear.z == pytest.approx(0.33 - 0.75)
+        place = [getattr(host.base.position, k) + getattr(rear, k) + getattr(at.position, k) for k in "xyz"]
+        np.testing.assert_allclose(place, frame.radars["radar"].world_from_sensor.position, atol=1e-6)
+
+
 def test_a_session_is_stepped_over_a_socket(world: ss.World) -> None:
     settings = ss.SessionSettings(bodies={"small_car": 1}, detail="light")
     here, there = socket.socketpair()
@@ -138,7 +151,8 @@ def test_a_session_is_stepped_over_a_socket(world: ss.World) -> None:
         assert answer.to_binary() == osi_sensor_data(mine).to_binary()
         assert {o.name for o in mine.objects if o.is_actor} == {"ego", "9"}
     last = answers[-1].feature_data.radar_sensor[0]
-    assert last.header.mounting_position.position.x == pytest.approx(2.1)
+    assert last.header.mounting_position.position.x == pytest.approx(2.1 + 0.295 * 4.0)  # from the rear axle
+    assert last.header.mounting_position.position.z == pytest.approx(0.8 - (0.2 + 0.33))  # the box begins at 0.2 m
     strongest = max(last.detection, key=lambda one: one.snr if abs(one.radial_velocity) > 4.0 else -99.0)
     # the car's front, 2 m before its middle, from a radar 2.1 m before the ego's; it comes at 8 m/s over ground
     assert strongest.position.distance == pytest.approx(30.0 - 1.6 - 2.0 - (2.0 + 2.1), abs=1.0)
