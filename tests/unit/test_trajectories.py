@@ -207,6 +207,28 @@ def test_record_is_continued_straight() -> None:
     assert motion.pose(8.0).position == pytest.approx([13.9 * 8.0 - 2.3, 0.0, 0.0], abs=1e-6)
 
 
+@pytest.mark.parametrize("speed", [10.0, 30.0, 2.0])
+@pytest.mark.parametrize("pull", [0.0, -1.5, 1.0])
+def test_what_is_before_and_after_a_record_does_not_change_it(speed: float, pull: float) -> None:
+    """Ends were rounded together with what follows: 10 m/s became 9.97 to 10.13 m/s."""
+    time = np.arange(2.0, 5.05, 0.1)
+    way = speed * (time - 2.0) + 0.5 * pull * (time - 2.0) ** 2
+    way = np.maximum.accumulate(np.where((pull < 0.0) & (time > 2.0 - speed / min(pull, -1e-9)), way.max(), way))
+    record = Record("a", time, np.column_stack([way, 0.0 * way, 0.0 * way]), 0.0 * time, 2.3)
+    alone, longer = (smooth_record(record, CAR, span).trajectory for span in (None, (-3.0, 12.0)))
+    assert isinstance(alone, PathTrajectory) and isinstance(longer, PathTrajectory)
+    inside = np.linspace(2.0, 5.0, 301)
+    np.testing.assert_allclose(longer.sample(inside)[3], alone.sample(inside)[3], atol=1e-6)
+    np.testing.assert_allclose(longer.sample(inside)[0], alone.sample(inside)[0], atol=1e-6)
+    if pull == 0.0:
+        np.testing.assert_allclose(longer.speed(inside), speed, atol=0.01)
+    fine = np.linspace(-3.0, 12.0, 15001)
+    found = longer.speed(fine)
+    assert found.min() > -1e-9
+    assert np.abs(np.diff(found, 2)).max() < 1e-3 * 0.05  # no step of acceleration: less than 50 m/s3
+    assert found[[0, -1]] == pytest.approx([13.9, 13.9], abs=1e-6)
+
+
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_table_there_and_back(tmp_path: Path, suffix: str) -> None:
     if suffix == "parquet":

@@ -17,7 +17,7 @@ from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
 from .bodies import ActorBody
 from .paths import PathTrajectory, SmoothPath, quintic_step
-from .profiles import smooth_way
+from .profiles import smooth_way, way_from_states
 from .routes import smoothing_of
 
 Array = npt.NDArray[np.float64]
@@ -36,6 +36,8 @@ _FAST, _FAST_SMOOTHING = 12.0, 0.75
 some 14 m."""
 _PART_OF_BEND = 0.3
 """Largest distance of the knots as a part of the radius of a known bend."""
+_SPARE = 15.0
+"""How much further than planned the path of a prolonged record reaches [m]: for what it brakes or gains at its ends."""
 FASTEST, FARTHEST_STEP = 90.0, 5.0
 """Speed between two samples above which a record was carried elsewhere [m/s], and a step [m] that is never a jump."""
 
@@ -95,7 +97,8 @@ def smooth_record(
         Its rear axle follows the path of the record's reference point.
     span : (float, float) or None
         Times [s] at which the motion shall be known at least; outside those of the record, the body goes straight on
-        with the speed that it has; vehicles come to the same speed within 3 s. None: the times of the record.
+        with the speed that it has; vehicles come to the same speed within 4 s. Within the record the way is the same as
+        without. None: the times of the record.
     knot_time : float
         Least time between the knots of the way [s].
     sharpest : float
@@ -104,7 +107,7 @@ def smooth_record(
     Returns
     -------
     Smoothed
-        `deviation` compares the path with the reference points and the way with the record's.
+        `deviation` compares the path with the reference points and the way with the record's, within the record.
 
     Raises
     ------
@@ -137,6 +140,8 @@ def smooth_record(
     shift, num_changes = _drawn_out(times, way, headings, sideways)
     points = points + shift
     cruise = CRUISE if body.length > 2.5 and not record.turns else None
+    ends = _end_speed(times, way, 0), _end_speed(times, way, -1)
+    own_times = times
     times, way, points = _continued(times, way, points, headings, (low, high), cruise)
 
     order = np.argsort(way, kind="stable") if record.turns else np.arange(len(way))
@@ -147,15 +152,21 @@ def smooth_record(
     )
     if sharpest > 0.0:
         smoothing = max(min(smoothing, _PART_OF_BEND / sharpest), smoothing_of(body))
-    path = SmoothPath(points[kept], smoothing, (2.0 * body.length + 3.0, body.length + 3.0))
+    spare = 3.0
+    if len(times) > len(own_times):  # the speed of an end may last for a second more or less than planned
+        spare += _SPARE + (0.0 if cruise is None else max(abs(speed - cruise) for speed in ends))
+    path = SmoothPath(points[kept], smoothing, (2.0 * body.length + spare, body.length + spare))
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[kept], axis=0), axis=1))])
     ways = path.way_of(np.interp(way, way[kept], chord))
     rear = ways - record.ahead + body.rear_axle
-    knots = _apart(times, knot_time)
-    curve = smooth_way(times[knots], rear[knots], record.turns)
+    own = np.isin(times, own_times)
+    knots = _apart(own_times, knot_time)
+    curve = smooth_way(own_times[knots], rear[own][knots], record.turns)
+    if len(times) > len(own_times):
+        curve = _prolonged(curve, (low, high), ends if cruise is None else (cruise, cruise))
     trajectory = PathTrajectory(path, curve, body, name=record.name)
-    off_path = np.linalg.norm(path.at(ways) - points, axis=1)
-    return Smoothed(trajectory, float(np.hypot(off_path, np.abs(curve(times) - rear)).max()), num_changes)
+    off_path = np.linalg.norm(path.at(ways[own]) - points[own], axis=1)
+    return Smoothed(trajectory, float(np.hypot(off_path, np.abs(curve(own_times) - rear[own])).max()), num_changes)
 
 
 def _backwards(
@@ -225,13 +236,9 @@ def _continued(
         lack = sign * (stop - times[index])
         if lack < 1e-9:
             continue
-        near = np.abs(times - times[index]) <= 1.0
-        speed = float((way[near][-1] - way[near][0]) / np.ptp(times[near])) if near.sum() > 1 else 0.0
+        speed = _end_speed(times, way, index)
         away = np.linspace(0.0, lack, max(int(np.ceil(lack / KNOT_TIME)), 1) + 1)[1:]
-        ramp = np.minimum(away, CHANGE_TIME)  # a speed that goes linearly to the cruising speed
-        gone = speed * away + (0.0 if cruise is None else cruise - speed) * (
-            ramp**2 / (2.0 * CHANGE_TIME) + away - ramp
-        )
+        gone = _to_speed(away, speed, 0.0, speed if cruise is None else cruise)[0]
         direction = np.array([np.cos(headings[index]), np.sin(headings[index]), 0.0])
         extra = (times[index] + sign * away, way[index] + sign * gone, points[index] + sign * gone[:, None] * direction)
         merged = []
@@ -239,6 +246,57 @@ def _continued(
             merged.append(np.concatenate([new[::-1], own] if index == 0 else [own, new]))
         times, way, points = merged
     return times, way, points
+
+
+def _end_speed(times: Array, way: Array, index: int) -> float:
+    """Return the mean speed over the second beside an end of a record (0 or -1) [m/s]."""
+    near = np.abs(times - times[index]) <= 1.0
+    return float((way[near][-1] - way[near][0]) / np.ptp(times[near])) if near.sum() > 1 else 0.0
+
+
+def _to_speed(later: Array, speed: float, pull: float, wanted: float) -> tuple[Array, Array, Array]:
+    """Return way [m], speed [m/s] and acceleration [m/s^2] at times (N,) [s] after a body has one and the other.
+
+    By definition: within a second the acceleration goes linearly to 0, sooner where the body would come to stand by
+    that, then within `CHANGE_TIME` the speed to the wanted one, without a step of acceleration. Polynomials of the
+    fifth degree or less between these times.
+    """
+    ease = _ease(speed, pull)
+    first, after = np.minimum(later, ease), np.maximum(later - ease, 0.0)
+    left = first / max(ease, 1e-12)
+    mid, x = speed + 0.5 * pull * ease, np.minimum(after / CHANGE_TIME, 1.0)
+    change = wanted - mid
+    gone = speed * first + pull * first**2 * (0.5 - left / 6.0) + mid * after
+    gone += change * (CHANGE_TIME * (x**3 - 0.5 * x**4) + np.maximum(after - CHANGE_TIME, 0.0))
+    rate = speed + pull * first * (1.0 - 0.5 * left) + change * x**2 * (3.0 - 2.0 * x)
+    bend = np.where(later < ease, pull * (1.0 - left), change * 6.0 * x * (1.0 - x) / CHANGE_TIME)
+    return gone, rate, bend
+
+
+def _ease(speed: float, pull: float) -> float:
+    """Return the time in which an acceleration goes to 0 [s]."""
+    if abs(pull) < 1e-9:
+        return 0.0
+    return 1.0 if speed * pull >= 0.0 else min(1.0, abs(speed / pull))
+
+
+def _prolonged(curve: PPoly, span: tuple[float, float], wanted: tuple[float, float]) -> PPoly:
+    """Return a way up to a span [s], as it is within its own times, to wanted speeds [m/s] before and after it."""
+    states = [curve.x, *(curve(curve.x, order) for order in range(3))]
+    for index, stop, sign, target in ((0, span[0], -1.0, wanted[0]), (-1, span[1], 1.0, wanted[1])):
+        end, place, speed, pull = (float(one[index]) for one in states)
+        lack = sign * (stop - end)
+        if lack < 1e-9:
+            continue
+        ease = _ease(speed, sign * pull)
+        later = np.unique([*(one for one in (ease, ease + CHANGE_TIME) if 1e-6 < one < lack - 1e-6), lack])
+        gone, rate, bend = _to_speed(later, speed, sign * pull, target)
+        extra = (end + sign * later, place + sign * gone, rate, sign * bend)
+        states = [
+            np.concatenate([new[::-1], own] if index == 0 else [own, new])
+            for own, new in zip(states, extra, strict=True)
+        ]
+    return way_from_states(*states)
 
 
 def _apart(values: Array, least: float) -> npt.NDArray[np.int64]:
