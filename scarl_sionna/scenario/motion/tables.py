@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from scarl_sionna.core.errors import (
     OutputError,
     ParameterRangeError,
     ScarlError,
+    ScarlWarning,
     TrajectoryFileError,
 )
 from scarl_sionna.core.pose import Pose
@@ -31,6 +33,7 @@ from .bodies import ActorBody, BodyLike, body_of
 from .paths import sample_motion
 from .recorded import FARTHEST_STEP, FASTEST
 from .routes import vehicle_trajectory
+from .stated import StatedTrack, check_stated
 
 Array = npt.NDArray[np.float64]
 
@@ -106,8 +109,8 @@ def read_table(
     ----------
     path : str or Path
         ``.csv`` or ``.parquet`` with the columns ``time`` [s], ``id``, ``x``, ``y`` [m], and, where wanted, ``z`` [m],
-        ``yaw_deg`` [deg], ``speed`` [m/s] (not used: speeds are derivatives) and ``model``; floating car data of SUMO
-        (``.xml``, ``.xml.gz``); a trace of ASAM OSI (``.osi``, ``.mcap``), whose host vehicle is called ``ego``; a
+        ``yaw_deg`` [deg], ``speed`` [m/s] (only compared: speeds are derivatives) and ``model``; floating car data of
+        SUMO (``.xml``, ``.xml.gz``); a trace of ASAM OSI (``.osi``, ``.mcap``), whose host vehicle is called ``ego``; a
         scenario of CommonRoad (``.xml``) or of ASAM OpenSCENARIO (``.xosc``).
     ground, models
         Heights where a table has none, and bodies by model name, as for :func:`read_fcd`.
@@ -120,9 +123,15 @@ def read_table(
     Raises
     ------
     TrajectoryFileError
-        If the file or a column is missing, or a value is not usable; names row (from 1, without the header) and column.
+        If the file or a column is missing, a value is not usable, or speeds or headings show that units are not these
+        (:func:`~scarl_sionna.scenario.motion.stated.check_stated`); names row (from 1, without the header) and column.
     MissingPackageError
         If a package for the format is not installed.
+
+    Warns
+    -----
+    ScarlWarning
+        If the table has a column that is not known, or what it states hardly fits its positions.
 
     Notes
     -----
@@ -279,9 +288,14 @@ def _tracks(path: Path, given: dict[str, list[object]], ground: Ground | None) -
     for name in COLUMNS[:4]:
         if name not in columns:
             raise TrajectoryFileError("is missing", path, f"the file has {', '.join(given) or 'none'}", column=name)
+    unknown = [name for name in given if _SAME.get(name.lower(), name.lower()) not in COLUMNS]
+    if unknown:
+        known = ", ".join((*COLUMNS, *_SAME))
+        warnings.warn(f"{path}: not used: {', '.join(unknown)}; known columns: {known}", ScarlWarning, stacklevel=4)
     numbers = {
         name: _floats(path, name, columns[name]) for name in ("time", "x", "y", "z", "yaw_deg") if name in columns
     }
+    speeds = np.array([_number(value) for value in columns["speed"]]) if "speed" in columns else None
     rows_of: dict[str, list[int]] = {}
     for index, value in enumerate(columns["id"]):
         if value is None or not str(value).strip():
@@ -289,7 +303,7 @@ def _tracks(path: Path, given: dict[str, list[object]], ground: Ground | None) -
         rows_of.setdefault(str(value).strip(), []).append(index)
     if not rows_of:
         raise TrajectoryFileError("has no rows", path)
-    tracks = []
+    tracks, stated = [], []
     for name, listed in rows_of.items():
         rows = np.array(listed)
         times = numbers["time"][rows]
@@ -308,6 +322,9 @@ def _tracks(path: Path, given: dict[str, list[object]], ground: Ground | None) -
         kind = str(columns["model"][listed[0]] or "").strip() if "model" in columns else ""
         yaw = numbers["yaw_deg"][rows] if "yaw_deg" in numbers else None
         tracks.append(TableTrack(name, kind, times, np.column_stack([plan, height]), yaw, path, listed[0] + 1))
+        own = None if speeds is None else speeds[rows]
+        stated.append(StatedTrack(times, plan, own, None if yaw is None else np.radians(yaw)))
+    check_stated(path, stated)
     return tracks
 
 
@@ -329,15 +346,20 @@ def _check_steps(path: Path, name: str, times: Array, plan: Array, rows: Sequenc
 def _floats(path: Path, name: str, values: Sequence[object]) -> Array:
     numbers = np.empty(len(values))
     for index, value in enumerate(values):
-        try:
-            numbers[index] = float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError, OverflowError):
-            numbers[index] = np.nan
+        numbers[index] = _number(value)
         if not np.isfinite(numbers[index]):
             raise TrajectoryFileError(f"{value!r:.60} is not a finite number", path, row=index + 1, column=name)
         if abs(numbers[index]) > _FARTHEST:
             raise TrajectoryFileError(f"{value!r:.60} is beyond {_FARTHEST:g}", path, row=index + 1, column=name)
     return numbers
+
+
+def _number(value: object) -> float:
+    """Return a value as a number, nan for what is none."""
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return float("nan")
 
 
 def _trajectory(name: str, times: Array, points: Array, yaw_deg: Array | None, body: ActorBody) -> Trajectory:

@@ -18,6 +18,7 @@ from scarl_sionna.core.seeds import generator
 from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular
 from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, body_of
 from scarl_sionna.scenario.motion.recorded import KNOT_TIME, Record, smooth_record
+from scarl_sionna.scenario.motion.stated import StatedTrack, check_stated
 from scarl_sionna.scene.actors.model import actor_names
 from scarl_sionna.scene.lanes import LaneNetwork
 
@@ -108,19 +109,28 @@ def read_fcd(
     Raises
     ------
     TrajectoryFileError
-        If the file is missing, is not XML of floating car data, or a value is missing or not a number.
+        If the file is missing, is not XML of floating car data, a value is missing or not a number, or speeds show that
+        positions are no metres (``--fcd-output.geo``), see :func:`~scarl_sionna.scenario.motion.stated.check_stated`.
 
     Warns
     -----
     ScarlWarning
-        If one was carried elsewhere by SUMO (teleport) and is left out, or is there for one instant only.
+        If what it states hardly fits its positions; or
+        if one was carried elsewhere by SUMO (teleport) and is left out, or is there for one instant only.
 
     Notes
     -----
     SUMO's positions are those of the middle of the front bumper; the origin of an actor is half its model's length
     behind, along the path.
     """
-    samples, kinds = _read(Path(path))
+    path = Path(path)
+    samples, kinds, speeds = _read(path)
+    stated = []
+    for name, rows in samples.items():
+        table = np.array(rows)
+        own = np.array(speeds[name]) if len(speeds[name]) == len(rows) else None
+        stated.append(StatedTrack(table[:, 0], table[:, 1:3], own, np.radians(90.0 - table[:, 4])))
+    check_stated(path, stated, heading="angle")
     return planned_from_samples(samples, kinds, span, Conversion(ground, types, models, offset))
 
 
@@ -196,7 +206,9 @@ def planned_from_record(
     return PlannedActor(record.name, model, look, smoothed.trajectory, body, 0.0, present, *found)
 
 
-def _read(path: Path) -> tuple[Samples, dict[str, tuple[str, bool]]]:
+def _read(path: Path) -> tuple[Samples, dict[str, tuple[str, bool]], dict[str, list[float]]]:
+    """Return samples, kinds (type name, whether a person), and the speeds of those samples that state them [m/s]."""
+    speeds: dict[str, list[float]] = {}
     samples: Samples = {}
     kinds: dict[str, tuple[str, bool]] = {}
     num_samples = 0
@@ -225,6 +237,9 @@ def _read(path: Path) -> tuple[Samples, dict[str, tuple[str, bool]]]:
                     samples.setdefault(name, []).append(
                         (time, row[0], row[1], height, _number(element, "angle", path, where))
                     )
+                    stated = speeds.setdefault(name, [])
+                    if "speed" in element.attrib:
+                        stated.append(_number(element, "speed", path, where))
                     kinds[name] = (str(element.get("type", "")), element.tag == "person")
                 elif event == "end" and element.tag == "timestep":
                     root.clear()
@@ -236,7 +251,7 @@ def _read(path: Path) -> tuple[Samples, dict[str, tuple[str, bool]]]:
         raise TrajectoryFileError(
             f"is not valid XML ({error})", path, "give a file that sumo --fcd-output wrote"
         ) from error
-    return samples, kinds
+    return samples, kinds, speeds
 
 
 @contextmanager
