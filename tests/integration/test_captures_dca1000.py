@@ -11,6 +11,7 @@ import pytest
 import scarl_sionna as ss
 from scarl_sionna.core.errors import InputFileError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.results import Frame, RadarFrame
+from scarl_sionna.dataset.captures.ti_cfg import read_cfg
 from scarl_sionna.dataset.formats.dca1000 import export_dca1000
 from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
 from scarl_sionna.fusion import Rig, SensorMount
@@ -204,6 +205,23 @@ CHANGES = [
     (" 30 1 128 4000 ", " 30 1 999999999 4000 ", "describes no radar"),
     ("Platform:xWR18xx", "Platform:", "antennas"),
 ]
+
+
+def test_of_commands_that_stand_twice_the_last_one_counts(tmp_path) -> None:
+    """As the device takes them in turn: the first chirpCfg of a chirp counted, and what was before flushCfg as well."""
+    text = cfg_text(SENDERS, LOOPS)
+    (tmp_path / "a.cfg").write_text(text)
+    assert read_cfg(tmp_path / "a.cfg").transmitters == SENDERS
+    twice = text.replace("frameCfg 0 2", "chirpCfg 1 2 0 0 0 0 0 1\nframeCfg 0 2 8 0 50 1 0\nframeCfg 0 2", 1)
+    (tmp_path / "a.cfg").write_text(twice)
+    assert read_cfg(tmp_path / "a.cfg").transmitters == (SENDERS[0], 0, 0)
+    assert read_cfg(tmp_path / "a.cfg").num_loops == LOOPS
+    for whole in (twice + text, text + twice.replace("lvdsStreamCfg -1 0 1 0", "") + "sensorStop\nflushCfg\n" + text):
+        (tmp_path / "a.cfg").write_text(whole)
+        assert read_cfg(tmp_path / "a.cfg").transmitters == SENDERS
+    (tmp_path / "a.cfg").write_text(text + "flushCfg\nchirpCfg 0 0 0 0 0 0 0 1\n")
+    with pytest.raises(InputFileError, match="has no channelCfg"):
+        read_cfg(tmp_path / "a.cfg")
 
 
 @pytest.mark.parametrize(("old", "new", "message"), CHANGES)

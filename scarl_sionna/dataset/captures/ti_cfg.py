@@ -69,10 +69,12 @@ def read_cfg(path: Path) -> Setup:
 
 
 def _commands(text: str, path: Path) -> dict[str, list[list[float]]]:
-    """Return the numbers of each command that is read."""
+    """Return the numbers of each command that is read, of those after the last ``flushCfg``, which forgets the rest."""
     found: dict[str, list[list[float]]] = {}
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split("%", 1)[0].split()
+        if words and words[0] == "flushCfg":
+            found.clear()
         if not words or words[0] not in LEAST:
             continue
         try:
@@ -114,12 +116,12 @@ def _profile(row: Sequence[float]) -> Profile:
 
 
 def _loop(commands: list[list[float]], first: int, last: int, path: Path) -> list[list[float]]:
-    """Return the command of each chirp of a loop."""
+    """Return the command of each chirp of a loop: the last one that names it, as the device takes them in turn."""
     if not 0 <= first <= last < MOST_CHIRPS:
         raise InputFileError(f"has frameCfg with chirps {first} to {last} of {MOST_CHIRPS}", path)
     chirps = []
     for number in range(first, last + 1):
-        row = next((one for one in commands if one[0] <= number <= one[1]), None)
+        row = next((one for one in reversed(commands) if one[0] <= number <= one[1]), None)
         if row is None:
             raise InputFileError(f"has no chirpCfg for chirp {number}", path)
         if any(row[3:7]):
