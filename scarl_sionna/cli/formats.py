@@ -192,8 +192,9 @@ def _progress(what: str = "frames") -> Iterator[Callable[[int, int], None]]:
 
 
 def _options(given: list[str], function: Callable[..., Any]) -> dict[str, Any]:
-    """Return name=value options of an exporter, values read as YAML."""
-    known = [name for name in inspect.signature(function).parameters if name not in _COMMON]
+    """Return name=value options of an exporter, values read as YAML; ``none`` is None where that is allowed."""
+    parameters = inspect.signature(function).parameters
+    known = [name for name in parameters if name not in _COMMON]
     out = {}
     for text in given:
         name, sign, value = text.partition("=")
@@ -202,7 +203,8 @@ def _options(given: list[str], function: Callable[..., Any]) -> dict[str, Any]:
         if name not in known:
             raise UnknownNameError("option of this format", name, known)
         try:
-            out[name] = parse_yaml(value)
+            is_none = value.strip().lower() == "none" and "None" in str(parameters[name].annotation)
+            out[name] = None if is_none else parse_yaml(value)
         except yaml.YAMLError as error:
             raise ParameterRangeError(
                 f"--option {name}", repr(value), "a number, true, false, a text or a list"

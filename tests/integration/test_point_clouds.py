@@ -49,6 +49,11 @@ def test_view_of_delft(tmp_path) -> None:
     assert table.radial_velocity.tolist() == [-2.0, 4.0] and table.velocity_over_ground.tolist() == [0.5, 3.0]
     assert table.rcs_dbsm.tolist() == [-7.0, 20.0] and table.lacks == ("time", "snr_db", "group", "track")
     assert ss.read_points(tmp_path, "view_of_delft", only_latest=False).num_points == 3
+    write_vod(tmp_path / "00552.bin", [(8.0, -6.0, 10.0, float("nan"), 4.0, 3.0, 0.0)])  # as our own export has it
+    assert np.isnan(ss.read_points(tmp_path / "00552.bin", "view_of_delft").rcs_dbsm).all()
+    write_vod(tmp_path / "00552.bin", [(8.0, -6.0, 10.0, float("inf"), 4.0, 3.0, 0.0)])
+    with pytest.raises(InputFileError, match="no numbers"):
+        ss.read_points(tmp_path, "view_of_delft")
 
 
 CAR = {"label_id": 0, "track_id": b"a"}

@@ -52,6 +52,16 @@ def test_convert_takes_scenes_frames_and_options(place, tmp_path) -> None:
     assert splits == {"train": ["street"]}
 
 
+def test_an_option_is_none(place, tmp_path) -> None:
+    h5py = pytest.importorskip("h5py")
+    done = call("convert", place, "hdf5", tmp_path / "x.h5", "--option", "compression=none")
+    assert done.exit_code == 0, done.output
+    found = []
+    with h5py.File(tmp_path / "x.h5") as file:
+        file.visititems(lambda _, item: found.append(getattr(item, "compression", None)))
+    assert found and set(found) == {None}
+
+
 @pytest.mark.parametrize("form", ["hdf5", "mcap", "dca1000"])
 def test_convert_to_every_form(place, tmp_path, form) -> None:
     done = call("convert", place, form, tmp_path / "out")

@@ -84,6 +84,10 @@ def test_hdf5_labels_times_axes_and_units(hdf5) -> None:
     assert [d.label for d in adc.dims] == ["frame", "receiver", "chirp", "sample", "iq"]
     np.testing.assert_allclose(adc.dims[0][0][:], [0.0, 0.1, 0.2])  # the dimension scale
     assert group[f"{LIDAR}/position"].attrs["units"] == "m"
+    cameras = [name for name, result in frame.results.items() if getattr(result, "depth", None) is not None]
+    assert cameras
+    for name in cameras:  # decoded, not the code of a dataset
+        assert group[f"{name}/depth"].attrs["units"] == "m" and "code" not in group[f"{name}/depth"].attrs["long_name"]
     assert json.loads(hdf5.attrs["rig"]) == json.loads(json.dumps(SOURCE.rig))
     assert hdf5.attrs["semantic_classes"][14] == "Car"
     assert adc.chunks[0] == 1  # a frame is read alone

@@ -22,6 +22,7 @@ from scarl_sionna.scene.streets.model import StreetMap
 from scarl_sionna.scene.streets.nearby import REACH, nearby
 from scarl_sionna.scene.streets.network.lanes import street_lanes
 from scarl_sionna.scene.streets.nuscenes.street import read_expansion
+from tests import street_maps as maps
 from tests.nuscenes_map import along, crossing
 
 
@@ -135,6 +136,16 @@ def test_of_a_large_map_the_part_beside_the_drive_is_built(file: Path) -> None:
     with pytest.raises(MapError, match="has no lane within 150 m of the drive, which begins at \\(900, 0\\) m"):
         nearby(street, np.array([[900.0, 0.0], [901.0, 0.0]]))
     assert REACH == 150.0
+
+
+def test_the_lanes_of_a_map_file_are_found_by_its_name(tmp_path, monkeypatch) -> None:
+    """A manifest has the name of a map file without its end."""
+    (tmp_path / "straight.xodr").write_text(maps.street_map(maps.road(maps.piece("<line/>", 80.0), 80.0)))
+    monkeypatch.chdir(tmp_path)
+    assert {lane.name for lane in lanes_of("straight", "a").lanes} == {"1/0/-1", "1/0/1"}
+    monkeypatch.chdir("/")
+    with pytest.raises(ParameterRangeError, match="convert in its folder"):
+        lanes_of("straight", "a")
 
 
 @pytest.mark.parametrize("place", ["urban_crossing", "roundabout", "signalised_crossing", "motorway"])

@@ -155,6 +155,9 @@ def test_bad_meshes(tmp_path):
 def test_warnings_of_size():
     with pytest.warns(ss.ScarlWarning, match="millimetres"):
         ss.rcs(PLATE.copy().apply_scale(3000.0), 1e9, 0.0, 0.0)
+    plate = PLATE.copy().apply_scale(60.0 / np.ptp(PLATE.bounds, axis=0).max())
+    with pytest.warns(ss.ScarlWarning, match=r"m across; is it in millimetres"):
+        ss.rcs(plate, 1e9, 0.0, 0.0)
     with pytest.warns(ss.ScarlWarning, match="wavelengths"):
         ss.rcs(PLATE, 3e9, 0.0, 0.0)
 

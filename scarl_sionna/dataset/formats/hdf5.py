@@ -28,6 +28,14 @@ if TYPE_CHECKING:
 
 FORMAT, FORMAT_VERSION = "scarl-hdf5", 2
 """Version 1 counted the objects of cameras and radars in ``offsets``, and those of lidars nowhere."""
+DEPTH = Field(
+    "depth",
+    "float32",
+    ("row", "column"),
+    "m",
+    "depth along the optical axis, inf where nothing is hit; negative behind the camera's plane (fisheyes)",
+)
+"""Depth as it is written here: decoded."""
 _OBJECTS = "objects"
 _COUNTS = ("num_points", "num_objects")
 
@@ -285,7 +293,7 @@ def _frame_rows(frame: Frame) -> Iterable[tuple[str, tuple[Field, npt.NDArray[An
                 continue
             value = _value(result, item)
             if value.shape or value.dtype != object or value.item() is not None:
-                yield f"{name}/{item.name}", (item, value)
+                yield f"{name}/{item.name}", (DEPTH if item.name == DEPTH.name else item, value)
 
 
 def _value(holder: object, item: Field) -> npt.NDArray[Any]:

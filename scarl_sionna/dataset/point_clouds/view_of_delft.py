@@ -21,6 +21,8 @@ from .table import PointTable, table_of
 LARGEST = 64 * MEGABYTE
 FIELDS = 7
 """Of a point: x, y, z [m], RCS [dBsm], radial velocity, the same over ground [m/s], number of the scan before."""
+RCS = 3
+"""Column of the RCS, which is nan in our own exports where it is not known."""
 
 
 def read_view_of_delft_points(path: str | Path, *, only_latest: bool = True) -> PointTable:
@@ -56,7 +58,7 @@ def read_view_of_delft_points(path: str | Path, *, only_latest: bool = True) -> 
         "scan": np.repeat(np.arange(len(files)), [len(frame) for frame in frames]),
         "sensor": np.zeros(len(rows)),
         "position": rows[:, :3],
-        "rcs_dbsm": rows[:, 3],
+        "rcs_dbsm": rows[:, RCS],
         "radial_velocity": rows[:, 4],
         "velocity_over_ground": rows[:, 5],
     }
@@ -74,6 +76,6 @@ def _rows(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     if len(data) % (4 * FIELDS):
         raise InputFileError(f"has {len(data)} bytes, no multiple of {4 * FIELDS}", path, "copy it again")
     rows = np.frombuffer(data, "<f4").astype(np.float64).reshape(-1, FIELDS)
-    if not np.all(np.isfinite(rows)):
+    if not np.all(np.isfinite(np.delete(rows, RCS, axis=1))) or np.isinf(rows[:, RCS]).any():
         raise InputFileError("has values that are no numbers", path)
     return rows

@@ -21,7 +21,7 @@ from shapely import Geometry, LineString, Polygon
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlError, ScarlWarning
 from scarl_sionna.core.spec import FieldValue
-from scarl_sionna.scene.document.find import find_scene
+from scarl_sionna.scene.document.find import MAP_SUFFIXES, find_scene, scene_names
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import Lane, LaneNetwork, ParkingPlace
 
@@ -45,7 +45,8 @@ def lanes_of(place: FieldValue, name: str) -> LaneNetwork:
     Parameters
     ----------
     place : str or None
-        Name of a scene or path of its XML file; None: not told.
+        Name of a scene or path of its XML or map file; None: not told. A name that is no scene is that of a file
+        without its end, as manifests have it: it is looked for in the working folder.
     name : str
         Of the scene in the dataset, for messages.
 
@@ -54,17 +55,23 @@ def lanes_of(place: FieldValue, name: str) -> LaneNetwork:
     ParameterRangeError
         If the place is not found here or has no lanes.
     """
-    remedy = "give the place by lane_maps=<name or XML file>, or leave the scene or the maps out"
+    remedy = "give it by lane_maps=<name, XML or map file>, convert in its folder, or leave the scene or the maps out"
     allowed = "a place that is there and has lanes"
     if not isinstance(place, str):
         raise ParameterRangeError("lane_maps", f"scene '{name}', which does not say its place", allowed, remedy)
     try:
-        lanes = read_document(find_scene(place)).lanes
+        lanes = read_document(find_scene(_with_ending(place))).lanes
     except ScarlError as error:
         raise ParameterRangeError("lane_maps", f"scene '{name}' in '{place}': {error}", allowed, remedy) from error
     if lanes is None:
         raise ParameterRangeError("lane_maps", f"scene '{name}' in '{place}', which has no lanes", allowed, remedy)
     return lanes
+
+
+def _with_ending(place: str) -> str:
+    """Return a name or path of a scene; of a file in the working folder with its end."""
+    endings = () if place in scene_names() else (*MAP_SUFFIXES, ".xml")
+    return next((place + ending for ending in endings if Path(place + ending).is_file()), place)
 
 
 def write_lane_map(path: Path, lanes: LaneNetwork, driven: Array, origin: Array, canvas: tuple[float, float]) -> None:

@@ -33,7 +33,7 @@ Mesh: TypeAlias = "SingleMesh | Body | Parts"
 
 CONDUCTORS = ("metal", "pec")
 """Names of a perfect conductor, whatever the table says."""
-LARGEST_SIZE = 200.0
+LARGEST_SIZE = 50.0
 """Largest extent [m] above which a mesh is taken to be in another unit than metres: decides a warning only."""
 
 
