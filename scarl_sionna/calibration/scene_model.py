@@ -29,6 +29,7 @@ from scarl_sionna.radar.channel.multipath.station import EndPoints, Station
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.radar.tuned import material_frequency
 from scarl_sionna.scene.materials.table import MaterialTable
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
@@ -61,7 +62,9 @@ class FixedPaths:
     index : ndarray of int64, shape (num_legs, max_depth)
         Row of `used` for each interaction, -1 for none.
     frequency : float
-        [Hz].
+        At which materials are met [Hz].
+    wavelength : float
+        Of the radar equation [m].
     """
 
     state: WorldState
@@ -73,10 +76,13 @@ class FixedPaths:
     used: tuple[str, ...]
     index: npt.NDArray[np.int64]
     frequency: float
+    wavelength: float
 
     @classmethod
-    def trace(cls, measurement: SceneGeometry, table: MaterialTable, frequency: float) -> FixedPaths:
-        """Trace the paths of a measurement.
+    def trace(
+        cls, measurement: SceneGeometry, table: MaterialTable, frequency: float, wavelength: float | None = None
+    ) -> FixedPaths:
+        """Trace the paths of a measurement; the wavelength is that of the frequency if left out.
 
         Raises
         ------
@@ -115,7 +121,9 @@ class FixedPaths:
         for number, name in enumerate(used):
             index[(legs.part >= 0) & (material[legs.part] == name)] = number
         bases = spherical_basis(pose.rotation, travel[:, 0]), spherical_basis(pose.rotation, -travel[:, -1])
-        return cls(state, points, legs, chain, travel, bases, used, index, frequency)
+        return cls(
+            state, points, legs, chain, travel, bases, used, index, frequency, wavelength or SPEED_OF_LIGHT / frequency
+        )
 
     def columns(self, trials: Trials) -> dict[str, npt.NDArray[Any]]:
         """Return the paths' columns, as :func:`scattered_columns`, with the materials of `trials`."""
@@ -126,7 +134,7 @@ class FixedPaths:
             self.chain, self.travel, *self.bases, material_coefficients(materials, self.index, self.frequency)
         )
         legs = replace(self.legs, transfer=through)
-        return scattered_columns(self.state, SPEED_OF_LIGHT / self.frequency, self.points, legs, legs)
+        return scattered_columns(self.state, self.wavelength, self.points, legs, legs)
 
 
 def pose_of(measurement: SceneGeometry) -> Pose:
@@ -181,7 +189,7 @@ def map_model(measurement: RadarMap, table: MaterialTable) -> Callable[[Trials],
     A map is linear in the paths' amplitudes, so each path's map of one amplitude is made once.
     """
     radar = measurement.radar
-    fixed = FixedPaths.trace(measurement, table, radar.carrier_frequency)
+    fixed = FixedPaths.trace(measurement, table, material_frequency(radar), radar.wavelength)
     columns: dict[str, Any] = dict(fixed.columns({}))
     total = columns.pop("total")
     paths = RadarPaths(**columns, world_from_tx=pose_of(measurement), world_from_rx=pose_of(measurement))

@@ -20,9 +20,9 @@ def tuned_to(radar: RadarSpec, frequency: float) -> TunedRadar:
     return TunedRadar(tuned_frequency=frequency, **parts)
 
 
-def material_frequency(radar: RadarSpec, otherwise: float) -> float:
-    """Return the frequency at which materials are met: the one a radar is tuned to, else another [Hz]."""
-    return radar.tuned_frequency if isinstance(radar, TunedRadar) else otherwise
+def material_frequency(radar: RadarSpec) -> float:
+    """Return the frequency at which all solvers meet materials [Hz]: the middle of the band, or what it is tuned to."""
+    return radar.tuned_frequency if isinstance(radar, TunedRadar) else radar.center_frequency
 
 
 def band_of(radar: RadarSpec) -> tuple[float, float]:

@@ -20,7 +20,7 @@ def columns(state, radar, mount, knobs, reach):
     grid = RayGrid.over(*fov, knobs.num_rays, kind=knobs.grid)
     local = grid.directions(0, grid.num_rays)
     world = mount.pose.rotate(local)
-    hits, parts, frequency = state.cast(mount.pose.position, world, reach), state.world.parts, radar.carrier_frequency
+    hits, parts, frequency = state.cast(mount.pose.position, world, reach), state.world.parts, radar.center_frequency
     te, tm = np.zeros(hits.num_hits), np.zeros(hits.num_hits)
     for part in np.unique(hits.part):
         rows = np.flatnonzero(hits.part == part)

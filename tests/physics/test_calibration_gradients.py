@@ -159,7 +159,7 @@ def test_slopes_of_path_powers(model: ForwardModel) -> None:
 def test_fixed_geometry_gives_the_solvers_paths_and_map(model: ForwardModel) -> None:
     spec = model.problem.measurements[0]
     materials = [model.trial(TRUTH).materials[name] for name in ("asphalt", "concrete", "brick")]
-    fixed = FixedPaths.trace(spec, model.table, spec.radar.waveform.start_frequency)
+    fixed = FixedPaths.trace(spec, model.table, spec.radar.center_frequency, spec.radar.wavelength)
     real = {
         item.base.name: item.base.with_(
             relative_permittivity=item.relative_permittivity.real, conductivity=item.conductivity.real

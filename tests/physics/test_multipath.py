@@ -176,7 +176,7 @@ def test_rough_surface_reflects_its_coherent_part(tmp_path) -> None:
     ratio = ghosts(rough_wall, (15, 0), (0, 0)).a[:, 0, 0] / ghosts(smooth_wall, (15, 0), (0, 0)).a[:, 0, 0]
     assert scattering > 0.1 and height > 1e-4
     # Ament: the image stands 6 m to the side of the radar and 15 m on, so the sine of the grazing angle is 6 / hypot.
-    phase = 2.0 * np.pi / RADAR.wavelength * height * 6.0 / np.hypot(15.0, 6.0)
+    phase = 2.0 * np.pi * RADAR.center_frequency / 299792458.0 * height * 6.0 / np.hypot(15.0, 6.0)
     kept = np.sqrt(1 - scattering**2) * np.exp(-2.0 * phase**2)
     assert np.allclose(ratio, kept ** np.array([0, 1, 1, 2]), rtol=1e-9)
 
@@ -199,7 +199,7 @@ def test_ego_double_bounce(tmp_path) -> None:
     assert abs(length / 2 - expected_range) < 1e-9  # bar 1 mm
     assert abs(bounce.length_rate[0] / 2 - expected_velocity) < 1e-9  # bar 1e-3 m/s
     # three reflections of metal at normal incidence, -1 but for 0.008 dB each
-    q = np.sqrt(TABLE["metal"].at(oracle.FREQUENCY))
+    q = np.sqrt(TABLE["metal"].at(RADAR.center_frequency))
     expected = ((1 - q) / (1 + q)) ** 3 * RADAR.wavelength / (4 * np.pi * length)
     assert abs(20 * np.log10(abs(expected) * 4 * np.pi * length / RADAR.wavelength)) < 0.05  # the bar, to a perfect one
     assert np.allclose(bounce.a[0], expected * np.eye(2), rtol=1e-12, atol=abs(expected) * 1e-12)

@@ -14,6 +14,7 @@ from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
 from scarl_sionna.radar.channel.raycast.grid import RayGrid
+from scarl_sionna.radar.tuned import tuned_to
 from tests.oracles import fresnel as oracle
 from tests.scenes import Material, Thing, box, plane, write_scene
 
@@ -108,7 +109,7 @@ def test_turning_actor_gives_each_point_its_own_velocity(tmp_path) -> None:
 def test_every_hit_of_a_wall_has_the_reflectance_of_its_angle_and_polarisation(
     tmp_path, material: str, permittivity: complex, thickness: float | None
 ) -> None:
-    radar = _radar(azimuth_fov_deg=120.0, elevation_fov_deg=60.0)
+    radar = tuned_to(_radar(azimuth_fov_deg=120.0, elevation_fov_deg=60.0), oracle.FREQUENCY)
     paths = solve_paths(
         _world(tmp_path, _wall(material)).at(0.0),
         radar,

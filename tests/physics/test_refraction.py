@@ -15,13 +15,14 @@ from scarl_sionna.engine import variant
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.points import point_targets, solve_points
+from scarl_sionna.radar.tuned import tuned_to
 from scarl_sionna.scene.materials.fresnel import transmission
 from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, builtin_materials
 from tests.oracles import multipath as oracle
 from tests.oracles.fresnel import ITU_GLASS
 from tests.scenes import Material, Thing, plane, write_scene
 
-RADAR = RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6)
+RADAR = tuned_to(RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6), 77e9)
 FEW = {"num_samples": 20_000, "refraction": True, "max_depth": 2}
 
 TRANSMITTED = (

@@ -106,7 +106,7 @@ def test_no_warning_where_objects_are_large_or_out_of_view(state) -> None:
 
 
 def test_a_radar_outside_the_materials_range_is_refused(state) -> None:
-    with pytest.raises(MaterialRangeError, match="'asphalt' has no data at 24 GHz"):
+    with pytest.raises(MaterialRangeError, match="'asphalt' has no data at 24.15 GHz"):
         solve_paths(
             state,
             RADAR.with_(start_frequency=24e9),

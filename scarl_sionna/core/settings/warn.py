@@ -49,8 +49,8 @@ class WarningLevels(Spec):
     band_change: float = Field(
         0.05,
         ge=0.0,
-        description="a layer whose reflection changes by more than this over a band above 1 GHz, with one frequency "
-        "for all of it; docs/waveforms.md, wide bands",
+        description="a layer whose reflection differs by more than this from that in the middle of a band above "
+        "1 GHz, which stands for all of it; docs/waveforms.md, wide bands",
     )
     band_error: float = Field(
         1e-3,

@@ -15,7 +15,7 @@ from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths, band_nodes
-from scarl_sionna.radar.tuned import band_of, tuned_to
+from scarl_sionna.radar.tuned import band_of, material_frequency, tuned_to
 from scarl_sionna.scene.materials.fresnel import reflection
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ Complex = npt.NDArray[np.complex128]
 
 WIDE = 1e9
 """Narrower bands are not asked whether layers resonate in them [Hz]."""
+NUM_ASKED = 17
+"""Frequencies in the band at which it is asked."""
 SAME_PATH = 1e-4
 """Paths of two frequencies are one if their ends and inner lengths are that near [m]."""
 NOTHING = 1e-3
@@ -137,7 +139,7 @@ def _next(factor: Complex) -> npt.NDArray[np.float64]:
 
 
 def warn_of_band(state: WorldState, radar: RadarSpec, levels: WarningLevels) -> float:
-    """Warn where the reflection of a layer of the scene changes over a wide band, and one frequency stands for all.
+    """Warn where a layer of the scene reflects otherwise over a wide band than in its middle, which stands for all.
 
     Parameters
     ----------
@@ -148,24 +150,30 @@ def warn_of_band(state: WorldState, radar: RadarSpec, levels: WarningLevels) -> 
     Returns
     -------
     float
-        Largest change of a layer's reflection over the band at normal incidence, relative to its mean.
+        Largest difference of a layer's reflection in the band from that in the middle, at normal incidence, relative to
+        its root mean square over the band. Frequencies without data do not count.
     """
     low, high = band_of(radar)
     if high - low <= WIDE:
         return 0.0
-    worst, name = 0.0, ""
+    worst, said, power = 0.0, "", ""
+    frequencies, middle = np.linspace(low, high, NUM_ASKED), material_frequency(radar)
     for material in {name: state.world.materials[name] for name in state.world.parts.material}.values():
-        if material.thickness is None or not (material.covers(low) and material.covers(high)):
+        if material.thickness is None or not material.covers(middle):
             continue
-        ends = [complex(reflection(material, frequency, 1.0)[0]) for frequency in (low, high)]
-        change = abs(ends[1] - ends[0]) / max(0.5 * (abs(ends[0]) + abs(ends[1])), 1e-12)
+        known = [float(frequency) for frequency in frequencies if material.covers(float(frequency))]
+        own, *over = (complex(reflection(material, frequency, 1.0)[0]) for frequency in (middle, *known))
+        mean = max(float(np.mean(np.abs(over) ** 2)), 1e-24)
+        change = float(np.abs(np.array(over) - own).max() / np.sqrt(mean))
         if change > worst:
-            worst, name = change, material.name
+            worst = change
+            said = f"'{material.name}' differs by up to {100 * change:.0f} %"
+            power = f"{10.0 * np.log10(max(abs(own) ** 2, 1e-24) / mean):+.1f} dB"
     if worst > levels.band_change:
         warnings.warn(
-            f"the reflection of '{name}' changes by {100 * worst:.0f} % over the band of {(high - low) / 1e9:.3g} GHz, "
-            "and paths have that of one frequency: echoes of thin layers are off by about half of that over range. "
-            "Set num_band_frequencies=3 or more",
+            f"over the band of {(high - low) / 1e9:.3g} GHz the reflection of {said} from that in the middle, which "
+            f"paths have for all of it: the mean power of such an echo is off by {power}, and it has the shape over "
+            "range of a single surface. Set num_band_frequencies=3 or more",
             ScarlWarning,
             stacklevel=3,
         )

@@ -283,7 +283,7 @@ class RadarSpec(Spec):
 
     @property
     def carrier_frequency(self) -> float:
-        """Frequency of the radar equation, of materials and of array spacings [Hz]."""
+        """Frequency of the radar equation and of array spacings [Hz]."""
         return self.waveform.carrier_frequency
 
     @property
@@ -293,7 +293,7 @@ class RadarSpec(Spec):
 
     @property
     def center_frequency(self) -> float:
-        """Frequency in the middle of what is sampled [Hz]: the one of Doppler and angle after a range transform."""
+        """Frequency in the middle of what is sampled [Hz]: of materials, Doppler and angles after a range transform."""
         return self.waveform.center_frequency
 
     @property

@@ -52,11 +52,11 @@ class Waveform(Protocol):
 
     @property
     def carrier_frequency(self) -> float:
-        """Frequency of the radar equation, of materials and of array spacings [Hz]."""
+        """Frequency of the radar equation and of array spacings [Hz]."""
 
     @property
     def center_frequency(self) -> float:
-        """Frequency of Doppler and of angles after a range transform: the middle of what is sampled [Hz]."""
+        """Frequency of materials, of Doppler and angles after a range transform: middle of what is sampled [Hz]."""
 
     @property
     def num_chirps(self) -> int:

@@ -74,7 +74,7 @@ def solve_auto(
     PlacementError
         If the radar or one of its antennas is inside a mesh.
     MaterialRangeError
-        If a material that is met has no data at the carrier frequency.
+        If a material that is met has no data in the middle of the band.
     ParameterRangeError
         If a receiver is given, or the tolerance is finer than the finest level of `auto`.
 

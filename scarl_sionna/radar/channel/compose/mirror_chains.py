@@ -69,7 +69,7 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
     Raises
     ------
     MaterialRangeError
-        If a mirror's material has no data at the carrier frequency.
+        If a mirror's material has no data in the middle of the band.
 
     Warns
     -----
@@ -99,7 +99,7 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
         _as_traced(view, shown, depth),
         station,
         EndPoints(station.position[None], station.velocity[None], station.rotation, is_station=True),
-        material_frequency(radar, radar.carrier_frequency),
+        material_frequency(radar),
         arm / 2.0 if arm > wide_arm else 0.0,
     )
     num_hidden = warn_of_hidden_antennas(state, [(legs, station)], wide_arm)

@@ -233,7 +233,7 @@ class MirrorView:
             material_coefficients(
                 [state.world.materials[name] for name in names.tolist()],
                 index.reshape(parts.shape),
-                material_frequency(self.radar, self.radar.center_frequency),
+                material_frequency(self.radar),
             ),
         )
         surface = state.point_velocity(parts.ravel(), vertices.reshape(-1, 3)).reshape(vertices.shape)

@@ -99,7 +99,7 @@ def sights(
     Raises
     ------
     MaterialRangeError
-        If a mirror's material has no data at the carrier frequency.
+        If a mirror's material has no data in the middle of the band.
     """
     position = view.mount.pose.position
     numbers = list(surfaces)

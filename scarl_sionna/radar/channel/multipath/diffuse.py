@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.paths.tracing import DIFFUSE, NONE, REFRACTION, SPECULAR, TracedPaths
 from scarl_sionna.engine.twins import ENGINE_THICKNESS, RADIO_FREQUENCY
 from scarl_sionna.radar.paths import bend_of
+from scarl_sionna.radar.tuned import material_frequency
 from scarl_sionna.scene.materials.fresnel import power_reflectance
 from scarl_sionna.scene.materials.rough import directional_albedo
 
@@ -28,7 +30,7 @@ Array = npt.NDArray[np.float64]
 
 
 def diffuse_columns(
-    state: WorldState, traced: TracedPaths, tx: Station, rx: Station, wavelength: float
+    state: WorldState, traced: TracedPaths, tx: Station, rx: Station, radar: RadarSpec
 ) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of :class:`RadarPaths` for the paths that scatter diffusely at least once, and ``total`` [m].
 
@@ -68,8 +70,8 @@ def diffuse_columns(
     to_tx = _turned(tx.rotation, travel[:, 0])
     to_rx = _turned(rx.rotation, -arrive)
     cosines = [np.abs(np.einsum("pdi,pdi->pd", way, normal)) for way in (travel[:, :-1], travel[:, 1:])]
-    own = _by_albedo(state, traced.a[rows], kind, part, cosines, SPEED_OF_LIGHT / wavelength)
-    a = np.einsum("pri,pij,ptj->prt", to_rx, own, to_tx) * (wavelength * RADIO_FREQUENCY / SPEED_OF_LIGHT)
+    own = _by_albedo(state, traced.a[rows], kind, part, cosines, material_frequency(radar))
+    a = np.einsum("pri,pij,ptj->prt", to_rx, own, to_tx) * (radar.wavelength * RADIO_FREQUENCY / SPEED_OF_LIGHT)
     out, home = tx_point - tx.position, rx_point - rx.position
     total = np.linalg.norm(out, axis=1) + inner + np.linalg.norm(home, axis=1)
     parts = state.world.parts

@@ -102,7 +102,7 @@ def solve_sionna(
     PlacementError
         If the radar or one of its antennas is inside a mesh, or a scatterer stands at the radar.
     MaterialRangeError
-        If a material that a path meets has no data at the carrier frequency.
+        If a material that a path meets has no data in the middle of the band.
 
     Warns
     -----
@@ -222,7 +222,7 @@ class _Solver:
 
     def _legs(self, traced: TracedPaths, station: Station, ends: EndPoints) -> Legs:
         start = time.perf_counter()
-        frequency = material_frequency(self.radar, self.radar.carrier_frequency)
+        frequency = material_frequency(self.radar)
         arm = float(np.linalg.norm(station.arms, axis=1).max(initial=0.0))
         legs = legs_of(self.state, traced, station, ends, frequency, arm / 2.0 if arm > self.wide_arm else 0.0)
         self.mirrors.append((legs, station))
@@ -236,7 +236,7 @@ class _Solver:
         blocks = []
         if self.settings.diffuse and environment:
             traced = self._trace(tx.position, own[:1], True)
-            blocks.append(diffuse_columns(self.state, traced, tx, rx, self.radar.wavelength))
+            blocks.append(diffuse_columns(self.state, traced, tx, rx, self.radar))
         targets = np.concatenate([own, ends]) if environment else ends
         if len(targets) == 0:
             return blocks

@@ -153,7 +153,7 @@ class RaycastKernel:
         array = radar.array
         self._vertical = rays.real(float(array.polarization == "V"))
         self._pattern = rays.reals(_grid_gain(array.pattern, grid) if array.is_uniform else np.zeros(grid.num_rays))
-        frequency = material_frequency(radar, radar.carrier_frequency)
+        frequency = material_frequency(radar)
         self._materials = [state.world.materials[name] for name in state.world.parts.material]
         self._frequency = frequency
         different = dict.fromkeys(state.world.parts.material)
@@ -180,7 +180,7 @@ class RaycastKernel:
         Raises
         ------
         MaterialRangeError
-            If a material that is hit has no data at the carrier frequency.
+            If a material that is hit has no data in the middle of the band.
         """
         on, dr, mi = self._on, self._on.dr, self._on.mi
         whole = dr.int64_array_t(mi.Int32)

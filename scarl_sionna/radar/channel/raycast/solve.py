@@ -81,7 +81,7 @@ def solve_raycast(
     PlacementError
         If the radar or one of its antennas is inside a mesh.
     MaterialRangeError
-        If a material that is hit has no data at the carrier frequency.
+        If a material that is hit has no data in the middle of the band.
     UnknownNameError
         If `instances` names something that is not in the scene.
     ParameterRangeError

@@ -172,7 +172,7 @@ class Bodies:
     def surfaces(self) -> FaceSurfaces:
         """Reflection, transmission and motion of the faces."""
         shown = np.union1d(self._parts, self.thin)
-        frequency = material_frequency(self.radar, self.radar.center_frequency)
+        frequency = material_frequency(self.radar)
         return FaceSurfaces(self.rays, self.state, self.faces, shown, frequency, self.knobs.coefficient_nodes)
 
     @cached_property
