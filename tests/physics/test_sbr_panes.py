@@ -9,6 +9,7 @@ import trimesh
 import scarl_sionna as ss
 from benchmarks.corner_range import corner
 from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.radar.optics.faces.panes import pane_parts
 from scarl_sionna.scene.materials.fresnel import transmission
 from scarl_sionna.scene.motion.trajectory import WaypointTrajectory
 from tests.kernels import kernels
@@ -16,7 +17,11 @@ from tests.scenes import Material, Thing, box, plane, write_scene
 
 RADAR = ss.RadarSpec(elevation_fov_deg=120.0)
 SETTINGS = SbrSettings(floor_db=None)
-MATERIALS = {"sheet": Material(radio="plastic"), "glass": Material(radio="car_glass")}
+MATERIALS = {
+    "sheet": Material(radio="plastic"),
+    "glass": Material(radio="car_glass"),
+    "cloth": Material(radio="clothing"),
+}
 PLATE = Thing("target", plane(0.1, 0.1, (10, 0, 0), (-1, 0, 0)), "Static", "steel")
 TABLE_ERROR = 1e-3
 """Relative: linear interpolation of the coefficients, and the plate's width of 0.6 deg over which the angle changes."""
@@ -45,17 +50,29 @@ def signal(paths):
     return np.einsum("nij,n->ij", paths.a, np.exp(-2j * np.pi / RADAR.wavelength * length))
 
 
-@pytest.mark.parametrize("material", ["sheet", "glass"])
+@pytest.mark.parametrize("material", ["sheet", "glass", "cloth"])
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 50.0])
 def test_a_plate_behind_a_sheet(tmp_path, material, angle_deg) -> None:
-    """VV is TE and HH is TM for a sheet that is turned about the vertical: T^2 each, amplitude and phase."""
+    """VV is TE and HH is TM for a sheet that is turned about the vertical: T^2 each, amplitude and phase.
+
+    Both ways lose what the sheet scatters, 1 - S^2 of the power: 0.8 dB for clothing.
+    """
     free = signal(solved(tmp_path / "free", [PLATE])[1])
     world, paths = solved(tmp_path / "behind", [PLATE, tilted(5.0, angle_deg, material)])
     layer = world.materials[MATERIALS[material].radio]
     te, tm = transmission(layer, RADAR.center_frequency, np.cos(np.radians(angle_deg)))
     ratio = signal(paths) / free
-    assert abs(ratio[0, 0] - te**2) < TABLE_ERROR
-    assert abs(ratio[1, 1] - tm**2) < TABLE_ERROR
+    coherent = 1.0 - layer.scattering_coefficient**2
+    assert abs(ratio[0, 0] - coherent * te**2) < TABLE_ERROR
+    assert abs(ratio[1, 1] - coherent * tm**2) < TABLE_ERROR
+
+
+def test_what_scatters_most_of_what_passes_is_no_pane(tmp_path) -> None:
+    """A leaf takes 13 dB there and back by reflection and loss, and 14 dB by what it scatters."""
+    material = Material(radio="foliage")
+    world = ss.load_scene(write_scene(tmp_path, [tilted(5.0, 0.0, "leaf")], materials={"leaf": material}))
+    found = [pane_parts(world.at(0.0), RADAR.center_frequency, loss).tolist() for loss in (20.0, 27.0, 28.5)]
+    assert found == [[], [], [0]]
 
 
 def test_3_mm_of_plastic_cost_1_4_db(tmp_path) -> None:

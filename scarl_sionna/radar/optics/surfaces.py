@@ -20,8 +20,8 @@ from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import FaceRays
 from scarl_sionna.engine.rays.moving_faces import MovingFaces
 from scarl_sionna.engine.types import DeviceArray
-from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection, transmission
-from scarl_sionna.scene.materials.rough import diffuse_albedo, height_loss, layer_albedo
+from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection
+from scarl_sionna.scene.materials.rough import coherent_transmission, diffuse_albedo, height_loss, layer_albedo
 
 from .fields import HOST, reflected_field
 
@@ -168,7 +168,7 @@ class FaceSurfaces:
             te, tm = (lost * value for value in reflection(material, frequency, cosine))
             columns[index] = np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
             if material.thickness is not None:
-                te, tm = transmission(material, frequency, cosine)
+                te, tm = coherent_transmission(material, frequency, cosine)
                 passed[index] = np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
         self._coefficient, self._passed = rays.reals(columns), rays.reals(passed)
         kept = np.array([material.coherence for material in self.materials])

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
-from .fresnel import film_of, stack_reflection
+from .fresnel import film_of, stack_reflection, transmission
 from .layers import Number
 from .table import RadioMaterial
 
@@ -70,6 +70,33 @@ def coherent_share(material: RadioMaterial, frequency: npt.ArrayLike, cosine: np
     """
     kept = np.sqrt(1.0 - material.scattering_coefficient**2)
     return np.asarray(kept * height_loss(material.roughness_rms, frequency, cosine))
+
+
+def coherent_transmission(
+    material: RadioMaterial, frequency: float, cosine: npt.ArrayLike
+) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.complex128]]:
+    r"""Return what passes a layer coherently, TE and TM: :func:`.fresnel.transmission` times sqrt(1 - S^2).
+
+    All solvers let waves through by it; zero for a half space. *Not modelled*: what heights take from what passes, and
+    what is scattered forward.
+
+    Parameters
+    ----------
+    material : RadioMaterial
+        Its `scattering_coefficient` S counts.
+    frequency : float
+        [Hz].
+    cosine : array_like of float, any shape
+        Of the angle of incidence.
+
+    Raises
+    ------
+    MaterialRangeError
+        If the material has no data at this frequency.
+    """
+    te, tm = transmission(material, frequency, cosine)
+    kept = np.sqrt(1.0 - material.scattering_coefficient**2)
+    return kept * te, kept * tm
 
 
 def diffuse_share(material: RadioMaterial, frequency: npt.ArrayLike) -> npt.NDArray[Any]:

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.arrays.rows import row_norm
-from scarl_sionna.scene.materials.fresnel import reflection, transmission
-from scarl_sionna.scene.materials.rough import coherent_share
+from scarl_sionna.scene.materials.fresnel import reflection
+from scarl_sionna.scene.materials.rough import coherent_share, coherent_transmission
 from scarl_sionna.scene.materials.table import RadioMaterial
 
 Array = npt.NDArray[np.float64]
@@ -217,8 +217,8 @@ def material_coefficients(
 
     Notes
     -----
-    Of a rough surface only the coherent part of the field is reflected, :func:`.rough.coherent_share`; what passes
-    keeps ``sqrt(1 - S**2)``, S its scattering coefficient, as in Sionna RT.
+    Of a rough surface only the coherent part of the field is reflected, :func:`.rough.coherent_share`, and passes,
+    :func:`.rough.coherent_transmission`.
     """
 
     def coefficients(k: int, cosine: Array) -> tuple[Complex, Complex, Complex, Complex]:
@@ -229,8 +229,7 @@ def material_coefficients(
             rows = np.flatnonzero(index[:, k] == number)
             own, met = materials[number], cosine[rows]
             out[:2, rows] = np.stack(reflection(own, frequency, met)) * coherent_share(own, frequency, met)
-            passed = np.sqrt(1.0 - own.scattering_coefficient**2)
-            out[2:, rows] = np.stack(transmission(own, frequency, met)) * passed
+            out[2:, rows] = np.stack(coherent_transmission(own, frequency, met))
         return out[0], out[1], out[2], out[3]
 
     return coefficients

@@ -1,7 +1,8 @@
 """Thin layers that let waves through on their way from the transmitter to the first face, and from the last one back.
 
-A ray that meets a pane goes straight on; what it loses there, for each polarisation, is the layer's transmission at the
-angle at which it is met. The pane reflects as any other face. Between two bounces a pane ends a tube.
+A ray that meets a pane goes straight on; what it loses there, for each polarisation, is the layer's coherent
+transmission at the angle at which it is met. The pane reflects as any other face. Between two bounces a pane ends a
+tube.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from scarl_sionna.engine.types import DeviceArray
 from scarl_sionna.radar.optics.fields import Field, OnDevice
 from scarl_sionna.radar.optics.surfaces import FaceSurfaces
-from scarl_sionna.scene.materials.fresnel import transmission
+from scarl_sionna.scene.materials.rough import coherent_transmission
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -53,7 +54,7 @@ def pane_parts(state: WorldState, frequency: float, largest_loss_db: float | Non
         if material.thickness is None:
             continue
         try:
-            through = float(np.abs(transmission(material, frequency, 1.0)[0]))
+            through = float(np.abs(coherent_transmission(material, frequency, 1.0)[0]))
         except MaterialRangeError:
             continue
         if largest_loss_db is not None and -40.0 * np.log10(max(through, 1e-30)) <= largest_loss_db:
