@@ -145,7 +145,8 @@ def test_what_radars_see_is_put_back_also_after_an_error(street, monkeypatch) ->
     def seen() -> tuple[object, ...]:
         materials = street.radio_scene().radio_materials
         radio = materials["radio-road"], materials["radio-steel"]
-        values = [float(getattr(one, field)[0]) for one in radio for field in links._TUNED]
+        fields = "relative_permittivity", "conductivity", "thickness", "scattering_coefficient", "xpd_coefficient"
+        values = [float(getattr(one, field)[0]) for one in radio for field in fields]
         scene = street.radio_scene()
         return *values, float(scene.frequency[0]), len(scene.transmitters), len(scene.receivers)
 

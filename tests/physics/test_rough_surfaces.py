@@ -19,7 +19,7 @@ from scarl_sionna.radar.channel.multipath.images import material_coefficients
 from scarl_sionna.radar.optics.body.parts import surface_of
 from scarl_sionna.scene.materials.fresnel import power_reflectance
 from scarl_sionna.scene.materials.rough import coherent_share, diffuse_albedo, directional_albedo, escape, sigma0
-from scarl_sionna.scene.materials.table import builtin_materials
+from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from tests.scenes import Material, Thing, plane, write_scene
 
 RADAR = RadarSpec(azimuth_fov_deg=160.0, elevation_fov_deg=160.0)
@@ -105,6 +105,24 @@ def test_a_deep_layer_has_the_laws_sigma0_in_every_solver(tmp_path, method) -> N
         assert tolerance < 0.2
         for channel, entry in CHANNELS.items():
             assert power[entry] / expected[channel] == pytest.approx(1.0, abs=tolerance), channel
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"diffuse_albedo": 0.2}, {"roughness_rms": 0.6e-3}, {"volume_albedo": 0.5}],
+    ids=lambda one: next(iter(one)),
+)
+def test_sionna_scatters_by_whatever_field_says_so(tmp_path, fields) -> None:
+    """The engine scatters by a scattering coefficient only; these have none, and have none afterwards."""
+    own = TABLE["vinyl_tile"].with_(name="own", xpd_coefficient=0.2, **fields)
+    state = load_scene(ground(tmp_path, "own"), MaterialTable([*TABLE.values(), own]))
+    assert own.scattering_coefficient == 0.0
+    power, expected, error = found_and_expected(state, "sionna", BANDS[1], 60.0)
+    for channel, entry in CHANNELS.items():
+        assert power[entry] / expected[channel] == pytest.approx(1.0, abs=5.0 * error), channel
+    assert error < 0.03
+    engine = state.at(0.0).radio_scene().radio_materials["radio-own"]
+    assert float(engine.scattering_coefficient[0]) == 0.0
 
 
 @pytest.mark.parametrize("method", SETTINGS)

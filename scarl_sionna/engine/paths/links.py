@@ -29,14 +29,12 @@ from scarl_sionna.engine.world import WorldState
 from scarl_sionna.scene.materials.carrier import at_carrier, nearest_to_carrier
 from scarl_sionna.scene.materials.table import RadioMaterial
 
-from .tracing import DIFFRACTION, SPECULAR, endpoints, on_triangles, solve, solver_options, target_batches
+from .tracing import DIFFRACTION, SPECULAR, endpoints, materials_as, on_triangles, solve, solver_options, target_batches
 from .zones import mirror_sizes, zone_diameters
 
 Array = npt.NDArray[np.float64]
 
 _ANGLES = ("theta_t", "phi_t", "theta_r", "phi_r")
-_TUNED = ("relative_permittivity", "conductivity", "thickness", "scattering_coefficient", "xpd_coefficient")
-"""What of the engine's radio materials follows the carrier."""
 HALF_SPACE_LOSS = 110.0
 """Attenuation of the field [Np] on the way through the layer that stands for a half space: nothing in float32."""
 SAME_PLACE = 1e-3
@@ -210,35 +208,25 @@ def _tuned(state: WorldState, scene: MitsubaObject, frequency: float, nearest: b
         else:
             chosen[name] = at_carrier(world.materials[name], frequency)
     tuned = {bsdf: chosen[entry.radio] for bsdf, entry in world.document.materials.items()}
-    before: list[tuple[MitsubaObject, str, MitsubaObject]] = []
+    values = {bsdf: _engine_values(material, frequency) for bsdf, material in tuned.items()}
     carrier = scene.frequency
     try:
-        # inputs of the kernels: as constants in them they would be compiled anew at each carrier
-        scene.frequency = dr.opaque(mi.Float, frequency)
-        for bsdf, material in tuned.items():
-            radio = scene.radio_materials.get(f"radio-{bsdf}")
-            if radio is None:  # no shape has it
-                continue
-            for field, value in zip(_TUNED, _engine_values(material, frequency), strict=True):
-                before.append((radio, field, getattr(radio, field)))
-                setattr(radio, field, dr.opaque(mi.Float, value))
-        yield dict(sorted(borrowed.items()))
+        scene.frequency = dr.opaque(mi.Float, frequency)  # an input of the kernels, see `materials_as`
+        with materials_as(scene, values):
+            yield dict(sorted(borrowed.items()))
     finally:
-        for radio, field, value in before:
-            setattr(radio, field, value)
         scene.frequency = carrier
 
 
-def _engine_values(material: RadioMaterial, frequency: float) -> tuple[float, ...]:
-    """Return the fields `_TUNED` of the engine's layer for a material at a carrier."""
-    conductivity = material.conductivity_at(frequency)
-    return (
-        material.permittivity_at(frequency),
-        conductivity,
-        material.thickness or _thickness_of_half_space(material.at(frequency), frequency),
-        material.scattering_coefficient,
-        material.xpd_coefficient,
-    )
+def _engine_values(material: RadioMaterial, frequency: float) -> dict[str, float]:
+    """Return the fields of the engine's layer for a material at a carrier."""
+    return {
+        "relative_permittivity": material.permittivity_at(frequency),
+        "conductivity": material.conductivity_at(frequency),
+        "thickness": material.thickness or _thickness_of_half_space(material.at(frequency), frequency),
+        "scattering_coefficient": material.scattering_coefficient,
+        "xpd_coefficient": material.xpd_coefficient,
+    }
 
 
 def _thickness_of_half_space(permittivity: complex, frequency: float) -> float:

@@ -9,7 +9,7 @@ that it met.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import ModuleType
@@ -25,6 +25,8 @@ from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import MitsubaObject
+from scarl_sionna.scene.materials.rough import scatters
+from scarl_sionna.scene.materials.table import RadioMaterial
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.rays.geometry import Triangles
@@ -36,6 +38,9 @@ NONE, SPECULAR, DIFFUSE, REFRACTION, DIFFRACTION = 0, 1, 2, 4, 8
 """Kinds of interaction, the numbers of Sionna RT's ``InteractionType``."""
 LANES_PER_BATCH = 1 << 24
 """Depth times rays times targets of one call of the solver: its arrays of candidates then stay below 1 GB."""
+
+ENGINE_SCATTERING = 0.7
+"""Of materials that scatter without a scattering coefficient: half of the rays that meet them are scattered."""
 
 _static_extents: WeakKeyDictionary[World, dict[tuple[int, int], float]] = WeakKeyDictionary()
 """Extents that :func:`mirror_extent` found on parts at rest, by part and face [m]."""
@@ -161,7 +166,10 @@ def trace_paths(
         scene = state._applied("radio").sionna_scene  # velocities are not asked for
         batches, counts = [], [0]
         for chosen in target_batches(len(points), settings):
-            with polarized_points(mi, scene, np.asarray(source, dtype=np.float64), points[chosen]):
+            with (
+                materials_as(scene, _scattering(state) if settings.diffuse else {}),
+                polarized_points(mi, scene, np.asarray(source, dtype=np.float64), points[chosen]),
+            ):
                 columns, count = solve(scene, options)
             columns["target"] += chosen.start
             batches.append(columns)
@@ -200,6 +208,50 @@ def on_triangles(state: WorldState, columns: dict[str, npt.NDArray[Any]]) -> dic
     found["normal"] = np.where(touched[..., None], triangles.normal[row], 0.0)
     found["offset"] = np.where(touched, triangles.offset[row], 0.0)
     return found
+
+
+def engine_scattering(material: RadioMaterial) -> float:
+    """Return the engine's scattering coefficient of a material where it looks for diffuse paths.
+
+    That of the material; where it is 0 and the material scatters by its heights or an albedo, `ENGINE_SCATTERING`: it
+    decides how many rays are scattered, and what the engine takes it for is undone.
+    """
+    own = material.scattering_coefficient
+    return ENGINE_SCATTERING if own == 0.0 and scatters(material) else own
+
+
+def _scattering(state: WorldState) -> dict[str, dict[str, float]]:
+    """Return what :func:`materials_as` sets so that all that scatters does so in the engine."""
+    entries = state.world.document.materials
+    return {
+        bsdf: {"scattering_coefficient": engine_scattering(material)}
+        for bsdf, material in ((bsdf, state.world.materials[entry.radio]) for bsdf, entry in entries.items())
+        if engine_scattering(material) != material.scattering_coefficient
+    }
+
+
+@contextmanager
+def materials_as(scene: MitsubaObject, values: Mapping[str, Mapping[str, float]]) -> Iterator[None]:
+    """Set fields of the engine's radio materials for a block, by the ids of the document's BSDFs.
+
+    They are inputs of the kernels: as constants in them they would be compiled anew for each value.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    before: list[tuple[MitsubaObject, str, MitsubaObject]] = []
+    try:
+        for bsdf, fields in values.items():
+            radio = scene.radio_materials.get(f"radio-{bsdf}")
+            if radio is None:  # no shape has it
+                continue
+            for field, value in fields.items():
+                before.append((radio, field, getattr(radio, field)))
+                setattr(radio, field, dr.opaque(mi.Float, value))
+        yield
+    finally:
+        for radio, field, value in before:
+            setattr(radio, field, value)
 
 
 @contextmanager

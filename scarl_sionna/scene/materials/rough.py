@@ -113,6 +113,13 @@ def diffuse_share(material: RadioMaterial, frequency: npt.ArrayLike) -> npt.NDAr
     return np.asarray(scattered - (1.0 - scattered) * np.expm1(-4.0 * (wavenumber * material.roughness_rms) ** 2))
 
 
+def scatters(material: RadioMaterial) -> bool:
+    """Return whether a surface of a material scatters diffusely at all, by whichever of its fields."""
+    if material.volume_albedo is not None or material.diffuse_albedo is not None:
+        return bool(material.volume_albedo or material.diffuse_albedo)
+    return material.scattering_coefficient > 0.0 or material.roughness_rms > 0.0
+
+
 def diffuse_albedo(material: RadioMaterial, frequency: float) -> float:
     r"""Return the share of the incident power that a rough surface scatters diffusely, 0 to 1, the same for V and H.
 

@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine.paths.tracing import DIFFUSE, NONE, REFRACTION, SPECULAR, TracedPaths
+from scarl_sionna.engine.paths.tracing import DIFFUSE, NONE, REFRACTION, SPECULAR, TracedPaths, engine_scattering
 from scarl_sionna.engine.twins import ENGINE_THICKNESS, RADIO_FREQUENCY
 from scarl_sionna.radar.paths import bend_of
 from scarl_sionna.radar.tuned import material_frequency
 from scarl_sionna.scene.materials.fresnel import power_reflectance
-from scarl_sionna.scene.materials.rough import directional_albedo
+from scarl_sionna.scene.materials.rough import coherent_share, directional_albedo
 
 from .images import Chain, spherical_basis
 from .station import Station
@@ -104,19 +104,31 @@ def _by_albedo(
 ) -> npt.NDArray[np.complex128]:
     """Return Sionna RT's transfers with the albedo of each rough surface in place of S^2 |Gamma|^2, shape as `a`.
 
+    Mirrors and layers in the way keep their coherent part.
+
     Over both incident polarisations the engine's diffuse power is S^2 (|TE|^2 + |TM|^2), of the dry surface, at every
     surface that scatters. A path of one scattering has the same power for both; where mirrors are in the way, their
     ratio stays that of the engine. `cosines` are those of the way in and of the way out, with the surface's normal.
     """
     names = np.array(state.world.parts.material)
-    ratio, scatters = np.ones(kind.shape), kind == DIFFUSE
-    for name in np.unique(names[part[scatters]]):
+    ratio = np.ones(kind.shape)
+    for name in np.unique(names[part[part >= 0]]):
         material = state.world.materials[str(name)]
-        rows = scatters & (names[np.maximum(part, 0)] == name)
+        of_material = (part >= 0) & (names[np.maximum(part, 0)] == name)
+        engine_scattered = engine_scattering(material) ** 2
+        rows = of_material & (kind == SPECULAR)
+        if rows.any():
+            ratio[rows] = coherent_share(material, frequency, cosines[0][rows]) ** 2 / max(
+                1.0 - engine_scattered, 1e-12
+            )
+        ratio[of_material & (kind == REFRACTION)] = material.coherence**2
+        rows = of_material & (kind == DIFFUSE)
+        if not rows.any():
+            continue
         engine = material.with_(water_film=0.0, thickness=material.thickness or ENGINE_THICKNESS)
         te, tm = power_reflectance(engine, RADIO_FREQUENCY, cosines[0][rows])
         albedo = directional_albedo(material, frequency, *(cosine[rows] for cosine in cosines))
-        ratio[rows] = 2.0 * albedo / (material.scattering_coefficient**2 * (te + tm))
+        ratio[rows] = 2.0 * albedo / (engine_scattered * (te + tm))
     result = a * np.sqrt(ratio.prod(axis=1))[:, None, None]
     single = np.count_nonzero(kind, axis=1) == 1
     columns = np.sum(np.abs(result[single]) ** 2, axis=1, keepdims=True)
