@@ -16,7 +16,8 @@ from scarl_sionna.scene.materials.fresnel import (
     reflection,
     transmission,
 )
-from scarl_sionna.scene.materials.table import builtin_materials
+from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
+from tests.scenes import Material, Thing, plane, write_scene
 
 FREQUENCY = 77e9
 WATER = water_permittivity(FREQUENCY, 283.15)
@@ -111,6 +112,30 @@ def test_a_film_on_metal_takes_power() -> None:
 @pytest.fixture(scope="module")
 def world():
     return load_scene("highway_guardrail")
+
+
+def test_films_differ_by_name_and_rain_leaves_a_thicker_one(tmp_path) -> None:
+    """Shares of the wetness 2 um of water apart, and an entry under 0.3 mm of water already."""
+    things = [
+        Thing(name, plane(4.0, 4.0, (0.0, 5.0 * k, 0.0)), "Roads", name)
+        for k, name in enumerate(("one", "two", "pool"))
+    ]
+    radio = {"one": "asphalt", "two": "asphalt", "pool": "pool"}
+    path = write_scene(tmp_path, things, materials={name: Material(radio=known) for name, known in radio.items()})
+    toml = path.with_name("scene.toml")
+    text = toml.read_text()
+    for name, share in (("one", 0.2), ("two", 0.204), ("pool", 1.0)):
+        text = text.replace(f"[materials.{name}]\n", f"[materials.{name}]\nwets = {share}\n")
+    toml.write_text(text)
+    pool = builtin_materials()["asphalt"].with_(name="pool", water_film=0.3e-3, water_temperature=300.0)
+    dry = load_scene(path, MaterialTable([*builtin_materials().values(), pool]))
+
+    def films(wetness: float) -> list[float]:
+        wet = dry.with_weather(Weather(wetness=wetness))
+        return [wet.materials[name].water_film for name in wet.parts.material]
+
+    assert films(1.0) == pytest.approx([0.1e-3, 0.102e-3, 0.5e-3])
+    assert films(0.2) == pytest.approx([0.02e-3, 0.0204e-3, 0.3e-3])
 
 
 def test_wet_world_changes_wet_surfaces_only_and_clear_goes_back(world) -> None:

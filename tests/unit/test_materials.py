@@ -192,6 +192,15 @@ def test_a_material_is_frozen_and_checks_its_range() -> None:
         )
 
 
+@pytest.mark.parametrize("line", ["reference_frequency = 77", "frequency_range = [76, 81]"])
+def test_frequencies_meant_in_ghz_are_refused(tmp_path, line) -> None:
+    path = tmp_path / "own.toml"
+    values = 'relative_permittivity = 3\nconductivity = 0.1\nsource = "s"\nuncertainty = "u"'
+    path.write_text(f"[own]\n{values}\n{line}\n")
+    with pytest.raises(MaterialError, match=r"= 7[67] is not allowed \(allowed: .*1000000 \[Hz\]\).*GHz"):
+        load_materials([path])
+
+
 def test_the_table_needs_no_mitsuba() -> None:
     # World's package may load the engine, so the module is loaded from its file alone.
     code = (

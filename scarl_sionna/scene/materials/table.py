@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -21,12 +21,15 @@ from scarl_sionna.core.errors import (
     SceneError,
     UnknownNameError,
 )
+from scarl_sionna.core.prompt.arguments import LEAST_FREQUENCY
 from scarl_sionna.core.prompt.describe import Described, Row
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import VACUUM_PERMITTIVITY, Hertz, Metres, Unit
 from scarl_sionna.core.untrusted.toml_text import read_toml
 
 BUILTIN_FILE = Path(__file__).with_name("materials.toml")
+
+BandEdge: TypeAlias = Annotated[Hertz, Field(ge=LEAST_FREQUENCY)]
 
 
 class UnknownMaterialError(MaterialError, UnknownNameError):
@@ -58,7 +61,7 @@ class RadioMaterial(Spec):
     conductivity: Annotated[float, Unit("S/m")] = Field(
         ge=0.0, description="at reference_frequency, all losses in one number [S/m]"
     )
-    reference_frequency: Hertz = Field(77e9, gt=0.0, description="[Hz]")
+    reference_frequency: Hertz = Field(77e9, ge=LEAST_FREQUENCY, description="[Hz]")
     permittivity_exponent: float = Field(0.0, description="b of the power law")
     conductivity_exponent: float = Field(1.0, description="d of the power law; 1: constant loss tangent")
     thickness: Metres | None = Field(None, gt=0.0, description="of the layer with air behind [m]; None: half space")
@@ -92,14 +95,14 @@ class RadioMaterial(Spec):
     )
     lidar_reflectance: float = Field(0.3, ge=0.0, le=1.0, description="diffuse, at 1550 nm; a scene may state its own")
     lidar_transmittance: float = Field(0.0, ge=0.0, le=1.0, description="of a pane, at 1550 nm and normal incidence")
-    frequency_range: tuple[Hertz, Hertz] = Field((76e9, 81e9), description="valid between [Hz]")
+    frequency_range: tuple[BandEdge, BandEdge] = Field((76e9, 81e9), description="valid between [Hz]")
     source: str = Field(min_length=1, description="where the values come from")
     uncertainty: str = Field(min_length=1, description="how far they may be off")
 
     @model_validator(mode="after")
     def _check(self) -> RadioMaterial:
-        if not 0.0 < self.frequency_range[0] <= self.frequency_range[1]:
-            raise ValueError("frequency_range rising and positive [Hz]")
+        if self.frequency_range[0] > self.frequency_range[1]:
+            raise ValueError("frequency_range rising [Hz]")
         if self.lidar_reflectance + self.lidar_transmittance > 1.0:
             raise ValueError("lidar_reflectance + lidar_transmittance <= 1")
         if self.volume_albedo is not None and self.diffuse_albedo is not None:

@@ -40,9 +40,9 @@ def wet_surfaces(
     Notes
     -----
     A material of the scene takes the share `wets` of the wetness: a film of water of that share of
-    ``weather.film_thickness`` lies on its radio material, which gets a name of its own ("asphalt, 0.50 mm of water").
-    Its diffuse reflectance at the lidar's wavelength falls as that of a rough surface in visible light
-    (:data:`WET_DARKENING`), and by two passes through the film:
+    ``weather.film_thickness`` lies on its radio material, which gets a name of its own ("asphalt, 0.5 mm of water");
+    the `water_film` of an entry itself stays where it is thicker. Its diffuse reflectance at the lidar's wavelength
+    falls as that of a rough surface in visible light (:data:`WET_DARKENING`), and by two passes through the film:
 
     .. math:: \rho_w = \rho \, [1 - w (1 - 0.5)] \, e^{-2 \alpha d}
 
@@ -57,8 +57,11 @@ def wet_surfaces(
             entries[bsdf_id] = entry
             continue
         dry = materials[entry.radio]
-        name = f"{dry.name}, {depth * 1e3:.2f} mm of water"
-        table[name] = dry.with_(name=name, water_film=depth, water_temperature=weather.temperature_celsius + CELSIUS)
+        name = dry.name
+        if depth > dry.water_film:
+            name = f"{dry.name}, {depth * 1e3:.6g} mm of water"
+            temperature = weather.temperature_celsius + CELSIUS
+            table[name] = dry.with_(name=name, water_film=depth, water_temperature=temperature)
         entries[bsdf_id] = _wet_entry(entry, name, dry.lidar_reflectance, weather.surface_wetness * entry.wets, depth)
     return replace(document, materials=entries), MaterialTable(table.values())
 
