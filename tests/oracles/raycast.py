@@ -11,6 +11,7 @@ import numpy as np
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity, rough_ground
 from scarl_sionna.radar.channel.raycast.grid import RayGrid
 from scarl_sionna.scene.materials.fresnel import power_reflectance, te_fraction_of_h
+from scarl_sionna.scene.materials.rough import scattered_part
 from scarl_sionna.signal.link import radar_gain
 
 
@@ -33,6 +34,9 @@ def columns(state, radar, mount, knobs, reach):
     blade = np.nan_to_num(table[:, 2])  # of a deep layer: w H^2 / (8 mu)
     spread = ((1.0 + 2.0 * cosine) / (1.0 + 2.0 * cosine * np.sqrt(1.0 - blade))) ** 2
     rough = table[:, :2] * np.where(blade > 0.0, blade * spread / 8.0, cosine)[:, None]
+    for part in np.unique(hits.part):
+        rows = np.flatnonzero(hits.part == part)
+        rough[rows] *= scattered_part(state.world.materials[parts.material[part]], frequency, cosine[rows])[:, None]
     ground = ~np.isnan(rough[:, 0])
     vv[ground] = hh[ground] = rough[ground, 0]
     footprint = 4.34e-4 if knobs.rcs_model == "per_hit" else grid.solid_angle * hits.distance**2

@@ -18,7 +18,15 @@ from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.multipath.images import material_coefficients
 from scarl_sionna.radar.optics.body.parts import surface_of
 from scarl_sionna.scene.materials.fresnel import power_reflectance
-from scarl_sionna.scene.materials.rough import coherent_share, diffuse_albedo, directional_albedo, escape, sigma0
+from scarl_sionna.scene.materials.rough import (
+    coherent_share,
+    coherent_transmission,
+    diffuse_albedo,
+    directional_albedo,
+    escape,
+    scattered_part,
+    sigma0,
+)
 from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from tests.scenes import Material, Thing, plane, write_scene
 
@@ -206,6 +214,40 @@ def test_what_the_mirror_lacks_is_scattered() -> None:
         reflectance = power_reflectance(material, FREQUENCY, 1.0)[0]
         mirror = float(coherent_share(material, FREQUENCY, 1.0)) ** 2 * reflectance
         assert mirror + diffuse_albedo(material, FREQUENCY) == pytest.approx(reflectance, rel=1e-12)
+
+
+@pytest.mark.parametrize("film", [0.0, 1e-4, 5e-4])
+def test_no_angle_sends_out_more_than_arrives(film) -> None:
+    """Mirror, both ways of scattering over the hemisphere, and what passes; 1.56 for wet asphalt at 88 deg without."""
+    node, weight = np.polynomial.legendre.leggauss(64)
+    node, weight = 0.5 * (node + 1.0), 0.5 * weight
+    cosine = np.cos(np.radians([0.0, 30.0, 60.0, 70.0, 80.0, 85.0, 88.0, 89.7]))
+    for name in TABLE:
+        material = TABLE[name].with_(water_film=film)
+        frequency = FREQUENCY if material.covers(FREQUENCY) else material.frequency_range[0]
+        strayed = 2.0 * (directional_albedo(material, frequency, cosine[:, None], node) * node) @ weight
+        mirror = coherent_share(material, frequency, cosine) ** 2
+        passed = coherent_transmission(material, frequency, cosine)
+        for reflected, through in zip(power_reflectance(material, frequency, cosine), passed, strict=True):
+            assert np.max(mirror * reflected + np.abs(through) ** 2 + strayed) < 1.0 + 1e-9, name
+        both = directional_albedo(material, frequency, node[:, None], node)
+        assert both == pytest.approx(both.T)
+
+
+def test_what_was_measured_is_not_bounded() -> None:
+    for name, lowest in (("asphalt", 1.0), ("grass", 1.0), ("soil", 1.0), ("gravel", 1.0), ("concrete", 1.0)):
+        assert np.all(scattered_part(TABLE[name], FREQUENCY, np.sin(np.radians([lowest, 20.0, 90.0]))) == 1.0), name
+
+
+@pytest.mark.parametrize("method", SETTINGS)
+def test_the_bound_is_in_every_solver(tmp_path, method) -> None:
+    """An albedo above what the mirror leaves: the law's level is bounded, not Lambert's."""
+    own = TABLE["water"].with_(name="own", diffuse_albedo=0.9, scattering_coefficient=0.3, xpd_coefficient=0.2)
+    state = load_scene(ground(tmp_path, "own"), MaterialTable([*TABLE.values(), own]))
+    assert np.all(scattered_part(own, FREQUENCY, np.cos(np.radians(BANDS[1]))) < 0.6)
+    power, expected, error = found_and_expected(state, method, BANDS[1], 60.0)
+    for channel, entry in CHANNELS.items():
+        assert power[entry] / expected[channel] == pytest.approx(1.0, abs=max(0.03, 5.0 * error)), channel
 
 
 def test_albedo_of_a_material_without_measurement() -> None:

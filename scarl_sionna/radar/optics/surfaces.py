@@ -21,8 +21,15 @@ from scarl_sionna.engine.rays.face_rays import FaceRays
 from scarl_sionna.engine.rays.moving_faces import MovingFaces
 from scarl_sionna.engine.types import DeviceArray
 from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection
-from scarl_sionna.scene.materials.rough import coherent_transmission, diffuse_albedo, height_loss, layer_albedo
+from scarl_sionna.scene.materials.rough import (
+    coherent_transmission,
+    diffuse_albedo,
+    height_loss,
+    layer_albedo,
+    scattered_part,
+)
 
+from .cosine_tables import CosineTable, table_cosines
 from .fields import HOST, reflected_field
 
 if TYPE_CHECKING:
@@ -145,8 +152,7 @@ class FaceSurfaces:
     frequency : float
         [Hz].
     nodes : int
-        Of the table of reflection coefficients over the square root of the cosine of incidence, which is fine near
-        grazing, where those of a metal change fast.
+        Of the tables over the cosine of incidence, see :func:`.cosine_tables.table_cosines`.
 
     Raises
     ------
@@ -157,12 +163,13 @@ class FaceSurfaces:
     def __init__(
         self, rays: FaceRays, state: WorldState, faces: FaceTable, parts: Index, frequency: float, nodes: int
     ) -> None:
-        self._rays, self._nodes = rays, nodes
+        self._rays = rays
         table = state.world.parts
         names = sorted({table.material[part] for part in parts})
         self.materials = tuple(state.world.materials[name] for name in names)
-        cosine = np.linspace(0.0, 1.0, nodes) ** 2
+        cosine = table_cosines(nodes)
         columns, passed = (np.zeros((len(names), nodes, 4)) for _ in range(2))
+        part = np.ones((len(names), nodes, 1))
         for index, material in enumerate(self.materials):
             lost = height_loss(material.roughness_rms, frequency, cosine)
             te, tm = (lost * value for value in reflection(material, frequency, cosine))
@@ -170,7 +177,8 @@ class FaceSurfaces:
             if material.thickness is not None:
                 te, tm = coherent_transmission(material, frequency, cosine)
                 passed[index] = np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
-        self._coefficient, self._passed = rays.reals(columns), rays.reals(passed)
+            part[index, :, 0] = scattered_part(material, frequency, cosine)
+        self._coefficient, self._passed, self._part = (CosineTable(rays, values) for values in (columns, passed, part))
         kept = np.array([material.coherence for material in self.materials])
         surface = np.array([diffuse_albedo(material, frequency) for material in self.materials])
         layer = np.array([material.volume_albedo or 0.0 for material in self.materials])
@@ -203,27 +211,11 @@ class FaceSurfaces:
 
     def coefficients(self, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the TE and the TM reflection coefficient, less what heights take, each as real and imaginary part."""
-        return self._looked_up(self._coefficient, face, cosine)
+        return _pairs(self._coefficient.at(self._material(face), cosine))
 
     def transmission(self, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the TE and the TM transmission coefficient of a layer, as of :meth:`coefficients`; 0 for no layer."""
-        return self._looked_up(self._passed, face, cosine)
-
-    def _looked_up(self, table: DeviceArray, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
-        dr, rays = self._rays.dr, self._rays
-        place = dr.sqrt(dr.clip(cosine, 0.0, 1.0)) * (self._nodes - 1)
-        node = dr.minimum(rays.mi.UInt32(place), self._nodes - 2)
-        share = place - rays.Real(node)
-        low = 4 * (self._material(face) * self._nodes + node)
-        te_re, te_im, tm_re, tm_im = (
-            dr.lerp(
-                dr.gather(rays.Real, table, low + k),
-                dr.gather(rays.Real, table, low + 4 + k),
-                share,
-            )
-            for k in range(4)
-        )
-        return (te_re, te_im), (tm_re, tm_im)
+        return _pairs(self._passed.at(self._material(face), cosine))
 
     def kept(self, face: DeviceArray) -> DeviceArray:
         """Return what scattering leaves of the reflected field, sqrt(1 - S^2)."""
@@ -241,7 +233,14 @@ class FaceSurfaces:
         layer = self._of_material(face, 2)
         deep = layer_albedo(layer, arriving, dr.maximum(leaving, 1e-9))
         albedo = dr.select(layer > 0.0, deep, self._of_material(face, 1))
+        material = self._material(face)
+        albedo *= dr.minimum(*(self._part.at(material, cosine)[0] for cosine in (arriving, leaving)))
         return dr.sqrt(albedo), self._of_material(face, 3), self._of_material(face, 4)
 
     def _of_material(self, face: DeviceArray, column: int) -> DeviceArray:
         return self._rays.dr.gather(self._rays.Real, self._rough, 5 * self._material(face) + column)
+
+
+def _pairs(columns: tuple[DeviceArray, ...]) -> tuple[DeviceArray, DeviceArray]:
+    """Return two complex numbers, each as real and imaginary part, from four columns."""
+    return columns[:2], columns[2:]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
-from .fresnel import film_of, stack_reflection, transmission
+from .fresnel import film_of, power_reflectance, stack_reflection, transmission
 from .layers import Number
 from .table import RadioMaterial
 
@@ -210,6 +210,71 @@ def layer_albedo(albedo: Number, arriving: Number, leaving: Number) -> Number:
     return 0.25 * albedo * escape(albedo, arriving) * escape(albedo, leaving) / (arriving + leaving)
 
 
+def layer_reflectance(albedo: float, cosine: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    r"""Return the share of what arrives at an angle that a deep layer of scatterers sends back in all directions.
+
+    Parameters
+    ----------
+    albedo : float
+        Of one scatterer, 0 to 1.
+    cosine : array_like of float, any shape
+        Of the angle to the layer's normal.
+
+    Notes
+    -----
+    .. math:: 1 - \sqrt{1 - w} \, H(\mu)
+
+    with H of :func:`escape`; exact with Chandrasekhar's own [1]_.
+
+    References
+    ----------
+    .. [1] S. Chandrasekhar, *Radiative Transfer*, 1960, chapter V.
+    """
+    return np.asarray(1.0 - np.sqrt(1.0 - albedo) * escape(albedo, np.asarray(cosine, dtype=np.float64)))
+
+
+def scattered_part(material: RadioMaterial, frequency: float, cosine: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    r"""Return which part of its albedo a surface keeps at an angle of incidence, 0 to 1: what the mirror leaves of it.
+
+    All solvers scatter by it: a direction of arrival and one of leaving keep the lesser of their two parts, which is
+    the same both ways.
+
+    Parameters
+    ----------
+    material : RadioMaterial
+    frequency : float
+        [Hz].
+    cosine : array_like of float, any shape
+        Of the angle to the normal.
+
+    Raises
+    ------
+    MaterialRangeError
+        If the material has no data at this frequency.
+
+    Notes
+    -----
+    .. math:: \min\left(1, \frac{1 - \max_p (c^2 |\Gamma_p|^2 + (1 - S^2) |T_p|^2)}{\rho}\right)
+
+    over both polarisations p, with c of :func:`coherent_share` and the albedo :math:`\rho` over all directions. Near
+    grazing the coherent reflection takes nearly all power, whatever the albedo along the normal; what is scattered is
+    bounded by what is left, so that no angle sends out more than arrives. By energy conservation and reciprocity; the
+    form is ours.
+    """
+    cosine = np.asarray(cosine, dtype=np.float64)
+    kept = np.abs(coherent_share(material, frequency, cosine)) ** 2  # complex where a calibration differentiates
+    passed = coherent_transmission(material, frequency, cosine)
+    sent = [
+        kept * r + np.abs(t) ** 2 for r, t in zip(power_reflectance(material, frequency, cosine), passed, strict=True)
+    ]
+    room = np.maximum(1.0 - np.maximum(*sent), 0.0)
+    if material.volume_albedo is None:
+        whole = np.full(cosine.shape, diffuse_albedo(material, frequency))
+    else:
+        whole = layer_reflectance(material.volume_albedo, cosine)
+    return np.asarray(np.minimum(1.0, np.divide(room, whole, out=np.ones_like(room), where=whole > 0.0)))
+
+
 def directional_albedo(
     material: RadioMaterial, frequency: float, arriving: npt.ArrayLike, leaving: npt.ArrayLike
 ) -> npt.NDArray[np.float64]:
@@ -219,7 +284,8 @@ def directional_albedo(
     ----------
     material : RadioMaterial
         A deep layer where it has a `volume_albedo` (:func:`layer_albedo`; a film of water on its top leaves that as it
-        is), else a rough surface (:func:`diffuse_albedo`, the same for all directions).
+        is), else a rough surface (:func:`diffuse_albedo`, the same for all directions); of both the part of
+        :func:`scattered_part`.
     frequency : float
         [Hz].
     arriving, leaving : array_like of float
@@ -238,10 +304,10 @@ def _albedo(
 ) -> npt.NDArray[np.float64] | npt.NDArray[np.complex128]:
     """Return numbers whose magnitudes are :func:`directional_albedo`, as of :func:`_surface_albedo`."""
     arriving, leaving = np.broadcast_arrays(np.asarray(arriving, float), np.asarray(leaving, float))
+    part = np.minimum(*(scattered_part(material, frequency, cosine) for cosine in (arriving, leaving)))
     if material.volume_albedo is None:
-        return np.full(arriving.shape, _surface_albedo(material, frequency))
-    material.at(frequency)
-    return np.asarray(layer_albedo(material.volume_albedo, arriving, np.maximum(leaving, 1e-9)))
+        return np.asarray(part * _surface_albedo(material, frequency))
+    return np.asarray(part * layer_albedo(material.volume_albedo, arriving, np.maximum(leaving, 1e-9)))
 
 
 def sigma0(
@@ -269,7 +335,8 @@ def sigma0(
     -----
     .. math:: \sigma^0 = 4 \rho \sin^2\psi \, (1 - K_x) \quad\text{and}\quad 4 \rho \sin^2\psi \, K_x
 
-    Lambert's pattern with the albedo of :func:`directional_albedo`: that of a deep layer rises as 1 / sin(psi) towards
+    Lambert's pattern with the albedo of :func:`directional_albedo`, which falls where the mirror leaves less near
+    grazing: that of a deep layer rises as 1 / sin(psi) towards
     grazing, so that its sigma0 falls as sin(psi). The coherent reflection is not in it.
 
     References
@@ -286,7 +353,8 @@ def holomorphic_sigma0(
     """Return numbers whose magnitudes are :func:`sigma0`, and which are holomorphic in what a material is made of.
 
     A calibration differentiates them. They have the square of the reflection coefficient where the power has its
-    magnitude; their phase means nothing.
+    magnitude; their phase means nothing. The bound of :func:`scattered_part`, which films of water reach near grazing,
+    counts as a constant.
 
     Parameters and errors as of :func:`sigma0`.
     """

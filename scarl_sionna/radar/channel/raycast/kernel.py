@@ -22,10 +22,11 @@ from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.rays.moving_faces import MovingFaces
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import DeviceArray
+from scarl_sionna.radar.optics.cosine_tables import CosineTable, table_cosines
 from scarl_sionna.radar.tuned import material_frequency
 from scarl_sionna.scene.materials.fresnel import film_of, te_fraction_of_h
 from scarl_sionna.scene.materials.layers import layers
-from scarl_sionna.scene.materials.rough import layer_albedo
+from scarl_sionna.scene.materials.rough import layer_albedo, scattered_part
 from scarl_sionna.scene.materials.table import RadioMaterial
 from scarl_sionna.signal.link import radar_gain
 
@@ -47,6 +48,8 @@ REFERENCE_FOOTPRINT = 4.34e-4
 not its accuracy."""
 NO_PATH = -1.0
 """Received power of a ray that gives no path."""
+_NODES = 1024
+"""Of the table of what is scattered over the cosine of incidence."""
 _GRIDS_KEPT = 4
 """Tables of antenna gains over a grid that are kept, 8 MB each for 10^6 rays: radars of one kind share one."""
 
@@ -172,6 +175,14 @@ class RaycastKernel:
             ]
         )
         self._width, self._table = table.shape[1], rays.reals(table)
+        lawful, cosine = {state.world.parts.material[part] for part in np.flatnonzero(by_law)}, table_cosines(_NODES)
+        part = [
+            scattered_part(state.world.materials[name], frequency, cosine) if name in lawful else np.ones(_NODES)
+            for name in different
+        ]
+        self._scattered = CosineTable(rays, np.array(part)[:, :, None])
+        row = {name: number for number, name in enumerate(different)}
+        self._material = rays.index(np.array([row[name] for name in state.world.parts.material], dtype=np.uint32))
         self._instance = rays.label(state.world.parts.instance)
 
     def hits(self, first: int, stop: int) -> Hits:
@@ -276,7 +287,8 @@ class RaycastKernel:
         normal_up = dr.dot(hit.normal, self._rotation[2])
         fraction = te_fraction_of_h(hit.local.z, hit.cosine, normal_up, self._arithmetic)
         law, deep = by_law > 0.0, layer_albedo(layer, hit.cosine, dr.maximum(hit.cosine, 1e-9))
-        scattered = hit.cosine * dr.select(layer > 0.0, deep, 1.0)
+        (part,) = self._scattered.at(dr.gather(mi.UInt32, self._material, hit.part), hit.cosine)
+        scattered = part * hit.cosine * dr.select(layer > 0.0, deep, 1.0)
         vertical = dr.select(law, rough * scattered, te + fraction * (tm - te))
         horizontal = dr.select(law, rough * scattered, tm + fraction * (te - tm))
         squared = hit.distance * hit.distance
