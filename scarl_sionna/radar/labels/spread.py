@@ -23,12 +23,14 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.motion import PairTerms
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
 from scarl_sionna.radar.synthesis.spreading import in_blocks
+from scarl_sionna.signal.front_end.echoes import beat_frequency, echo_transfer, filter_delay, through_channels
 from scarl_sionna.signal.processing import RangeDoppler, coupling
 from scarl_sionna.signal.receivers import response_weights
 from scarl_sionna.signal.uneven import middle_time
 from scarl_sionna.signal.windows import window_values
 
 Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
 _FieldsT = TypeVar("_FieldsT", bound="npt.NDArray[np.complexfloating]")
 Index = npt.NDArray[np.int64]
 Cells = npt.NDArray[np.int32]
@@ -94,8 +96,8 @@ class PathCells:
         Weights over what is sampled whose transform is the response over range.
     reach : int or None
         Bins to which the sidelobes over range are followed; None for all.
-    loss : ndarray of float64, shape (num_paths,)
-        What Doppler within the window of a symbol leaves of the amplitude; 1 for ramps.
+    loss : ndarray of complex128, shape (num_paths,)
+        What the receiver's filters leave of the amplitude, and of symbols Doppler within their window.
     """
 
     radar: RadarSpec
@@ -107,7 +109,7 @@ class PathCells:
     doppler_window: Array
     response: Array
     reach: int | None
-    loss: Array
+    loss: Complex
     paths: RadarPaths
 
     @classmethod
@@ -117,15 +119,17 @@ class PathCells:
         """Return the places of paths, as `range_doppler` has them after its compensation of motion."""
         window = "rect" if window is None else window
         doppler_window = window if doppler_window is None else doppler_window
-        response, waveform, radar = response_weights(radar, window), radar.waveform, seen_by(radar)
+        response, waveform, sampled, radar = response_weights(radar, window), radar.waveform, radar, seen_by(radar)
         seconds = waveform.repetitions / waveform.spacing if is_coded(waveform) else 0.0
         length = paths.length
         grid = FrameGrid(radar)
         _, over_x, over_y, _ = grid.expand(*delay_terms(length, paths.length_rate, paths.length_acceleration), 0)
+        beat = over_x if radar is sampled else beat_frequency(sampled, 0.5 * length, 0.5 * paths.length_rate)
         doppler_bin = np.mod(over_y * radar.doppler_interval * radar.num_chirps, radar.num_chirps)
         return cls(
             radar=radar,
-            beat_bin=over_x * radar.num_samples / radar.sample_rate,
+            beat_bin=over_x * radar.num_samples / radar.sample_rate
+            + filter_delay(sampled, window) * radar.sampled_bandwidth,
             doppler_bin=doppler_bin,
             kept=(length < 2.0 * radar.max_range) | (not radar.waveform.sweep.video),
             range_lobe=lobe_of(response),
@@ -133,7 +137,7 @@ class PathCells:
             doppler_window=window_values(doppler_window, radar.num_chirps),
             response=response,
             reach=None if is_coded(waveform) and not waveform.divides else MAX_REACH,
-            loss=np.sinc(over_y * seconds),
+            loss=np.sinc(over_y * seconds) * echo_transfer(sampled, beat, window),
             paths=paths,
         )
 
@@ -185,17 +189,18 @@ class PathCells:
             pairs = PairTerms.of(self.paths.select(block), radar)
             if pairs.is_linear:
                 self._put_linear(pairs, self.loss[block], out[block])
-                continue
-            for tx in range(radar.num_tx):
+            for tx in range(0 if pairs.is_linear else radar.num_tx):
                 for rx in range(radar.num_rx):
                     terms = delay_terms(*pairs.start(tx, rx))
                     middle = terms[0] + grid.center_time(tx) * terms[1]
                     cycles = grid.expand(*terms, tx)[0] + self._removed(middle) + radar.tx_frequency(tx) * middle
                     amplitude = pairs.geometry.pair_amplitude(tx, rx) * pairs.growth(tx, rx, grid.center_time(tx))
                     out[block, tx * radar.num_rx + rx] = amplitude * self.loss[block] * phasor(cycles)
+            if radar.front_end.channels is not None:
+                out[block] = through_channels(out[block], radar.front_end.channels, radar.num_tx)
         return out
 
-    def _put_linear(self, pairs: PairTerms, loss: Array, out: npt.NDArray[np.complexfloating]) -> None:
+    def _put_linear(self, pairs: PairTerms, loss: Complex, out: npt.NDArray[np.complexfloating]) -> None:
         """Fill the fields of paths whose every pair has a rate and nothing else: the same, in a third of the time."""
         grid, radar, sweep = FrameGrid(self.radar), self.radar, self.radar.waveform.sweep
         sent, heard = pairs.shares()

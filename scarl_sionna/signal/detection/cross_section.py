@@ -27,12 +27,12 @@ antenna such an error would be a giant of 30 dB over the target that it is an er
 _STEP_DEG = 5.0
 
 
-def cross_section(radar: RadarSpec, sines: Array, distance: Array, received: Array) -> Array:
+def cross_section(radar: RadarSpec, sines: Array, distance: Array, received: Array, left: Array | float = 1.0) -> Array:
     """Return the RCS [m2] of targets by the radar equation; NaN where it is not known.
 
-    It is not known where the two-way gain is more than `DEAF_DB` under its largest, and at an end of the axis of angles
-    (sine of 1 or beyond), which is no measured direction: the beamformer's maximum is outside the real angles, or the
-    two sides of a line of half a wavelength are one.
+    It is not known where the two-way gain, with what the filters leave, is more than `DEAF_DB` under its largest, and
+    at an end of the axis of angles (sine of 1 or beyond), which is no measured direction: the beamformer's maximum is
+    outside the real angles, or the two sides of a line of half a wavelength are one.
 
     Parameters
     ----------
@@ -43,6 +43,8 @@ def cross_section(radar: RadarSpec, sines: Array, distance: Array, received: Arr
         [m].
     received : ndarray of float64, shape (num_points,)
         Power of one channel [W].
+    left : ndarray of float64, shape (num_points,), or float
+        Part of the power that the receiver's filters leave at that distance.
 
     Returns
     -------
@@ -52,7 +54,7 @@ def cross_section(radar: RadarSpec, sines: Array, distance: Array, received: Arr
     ----------
     .. [1] M. A. Richards, *Fundamentals of Radar Signal Processing*, 2nd ed., 2014, ch. 2.2.
     """
-    gain = beam_gain(radar.array, directions(*np.arcsin(np.clip(sines, -1.0, 1.0)).T))
+    gain = beam_gain(radar.array, directions(*np.arcsin(np.clip(sines, -1.0, 1.0)).T)) * left
     deaf = gain <= 10.0 ** (-DEAF_DB / 10.0) * _largest_gain(radar.array)
     unknown = deaf | (np.abs(sines) >= 1.0).any(axis=1)
     of_square_metre = (

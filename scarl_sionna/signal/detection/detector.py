@@ -15,13 +15,14 @@ from scarl_sionna.core.units import power_to_db
 from ..angle import RangeDopplerAngle, directions
 from ..direction.manifold import Manifold
 from ..direction.several import Directions, Method, check_method, pursue
+from ..front_end.echoes import beat_frequency, echo_transfer
 from ..noise import floor_of
 from ..processing import RangeDoppler, uncompensated
 from .ambiguity import unfolded
 from .beams import Beams, beams_above, is_peak, maxima
 from .beside import with_those_beside
 from .cells import Cells, at_targets, is_regular, straddle_gain
-from .cross_section import cross_section
+from .cross_section import DEAF_DB, cross_section
 from .leakage import leaked_over_the_ends
 from .points import RadarPoints
 from .stagger import is_staggered, resolved
@@ -101,8 +102,10 @@ def detect(
     (:func:`~scarl_sionna.signal.detection.stagger.resolved`), up to ``radar.unfolded_velocity``; range and direction
     follow.
 
-    Where the antennas hear next to nothing (two-way gain more than 60 dB under its largest), and at +-90 deg, where the
-    beamformer's maximum is outside the real angles, `rcs` is not known: NaN
+    `rcs` and `snr_db` take into account what the receiver's filters leave at a point's beat frequency, as its maker
+    knows it (:func:`~scarl_sionna.signal.front_end.echoes.echo_transfer`); not the errors of channels, compression, or
+    the converter's `response`. Where antennas and filters leave next to nothing (more than 60 dB under the largest
+    two-way gain), and at +-90 deg, where the beamformer's maximum is outside the real angles, `rcs` is not known: NaN
     (:func:`~scarl_sionna.signal.detection.cross_section.cross_section`). Further directions of a cell are never there:
     they are what is left where more targets than directions share a cell.
 
@@ -202,6 +205,9 @@ def _table(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, sines: Array,
     """Return the points of targets with sines (n, 2) of their directions and powers (n,) [W], strongest first."""
     azimuth, elevation = np.arcsin(np.clip(sines, -1.0, 1.0)).T
     unit, distance = directions(azimuth, elevation), cells.distance
+    beat = beat_frequency(radar, distance, cells.radial_velocity)
+    left = np.abs(echo_transfer(radar, beat, rda.channels.window[0])) ** 2
+    noise = rda.noise_power * np.maximum(left, 10.0 ** (-DEAF_DB / 10.0))
     table = {
         "position": unit * distance[:, None],
         "range": distance,
@@ -209,8 +215,8 @@ def _table(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, sines: Array,
         "elevation": elevation,
         "radial_velocity": cells.radial_velocity,
         "power": received,
-        "snr_db": power_to_db(received * straddle_gain(cells) / rda.noise_power),
-        "rcs": cross_section(radar, sines, distance, received),
+        "snr_db": power_to_db(received * straddle_gain(cells) / noise),
+        "rcs": cross_section(radar, sines, distance, received, left),
         "cell": cells.row * len(rda.range) + cells.column,
         "velocity_interval": cells.period * (2.0 * rda.channels.radar.unambiguous_velocity),
     }

@@ -33,6 +33,20 @@ def transfer(filters: IfFilter, frequency: npt.NDArray[np.float64]) -> npt.NDArr
     return out
 
 
+def sampled_transfer(radar: RadarSpec, frequency: npt.NDArray[np.float64]) -> npt.NDArray[np.complex128]:
+    """Return the transfer function of a radar's filters for samples of a beat signal, at any frequencies [Hz].
+
+    By definition of :func:`apply_filters`; 1 without filters.
+    """
+    filters, rate = radar.front_end.filters, radar.sample_rate
+    if filters is None:
+        return np.ones(np.shape(frequency), dtype=np.complex128)
+    share = np.mod(np.asarray(frequency) / rate, 1.0)
+    above = 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 1.0 + BLEND) / BLEND, 0.0, 1.0))
+    below = transfer(filters, (share - 1.0) * rate)
+    return np.asarray(above * transfer(filters, share * rate) + (1.0 - above) * below)
+
+
 def apply_filters(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.NDArray[np.complex64]:
     """Return the signal behind the filters [sqrt(W)], same shape (num_rx, num_rows, num_samples).
 
@@ -63,10 +77,7 @@ def apply_filters(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt
         spectrum *= transfer(filters, frequency).astype(np.complex64)
         return np.asarray(scipy.fft.ifft(spectrum, axis=-1, overwrite_x=True))
     count = scipy.fft.next_fast_len(2 * adc.shape[-1])
-    share = np.arange(count, dtype=np.float64) / count
-    above = 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 1.0 + BLEND) / BLEND, 0.0, 1.0))
-    below = transfer(filters, (share - 1.0) * radar.sample_rate)
-    factor = above * transfer(filters, share * radar.sample_rate) + (1.0 - above) * below
+    factor = sampled_transfer(radar, np.arange(count, dtype=np.float64) * (radar.sample_rate / count))
     factor = factor.astype(np.complex64)
     still = transfer(filters, np.zeros(1))[0]
     out = np.empty(adc.shape, dtype=np.complex64)
