@@ -17,7 +17,7 @@ from scarl_sionna.signal.front_end.mixer import image_factors
 from scarl_sionna.signal.noise import sample_noise_power
 
 from .capture import ReflectorCapture, by_pair
-from .filtering import filter_matrix
+from .filtering import noise_matrix
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -39,7 +39,7 @@ class MeasuredNoise:
     white : ndarray of float64, shape (num_rx, num_samples)
         The same of noise that `whitening` was applied to: the same in all bins, if the filters are those stated [W].
     whitening : ndarray of complex128, shape (num_samples, num_samples), or None
-        Makes noise behind the stated filters white again: filters that settle leave the bins of a chirp correlated.
+        Makes noise behind the stated filters white again: the bins of a chirp are correlated.
     apart : ndarray of complex128, shape (num_samples, num_samples), or None
         Makes bins uncorrelated that `whitening` leaves correlated, where it does not raise what the filters suppress.
     num_looks : int
@@ -95,7 +95,7 @@ class MeasuredNoise:
         CalibrationError
             If the noise is below that of a receiver without noise of its own.
         """
-        share, matrix = np.ones(radar.num_samples), filter_matrix(radar)
+        share, matrix = np.ones(radar.num_samples), noise_matrix(radar)
         if matrix is not None:  # what the filters suppress is not raised to the full
             share = np.sum(np.abs(_transform(_applied(self.whitening, matrix))) ** 2, axis=0)
         ratio = float(np.median(self.white / share)) / sum(abs(factor) ** 2 for factor in image_factors(mixer))
@@ -127,7 +127,7 @@ def _spread(item: ReflectorCapture, num_tx: int) -> float:
 
 def _whitening(radar: RadarSpec) -> Complex | None:
     """Return the inverse square root of the covariance that the stated filters give white noise."""
-    matrix = filter_matrix(radar)
+    matrix = noise_matrix(radar)
     if matrix is None:
         return None
     values, vectors = np.linalg.eigh(matrix.conj().T @ matrix)
@@ -138,10 +138,10 @@ def _whitening(radar: RadarSpec) -> Complex | None:
 def _apart(radar: RadarSpec, whitening: Complex | None) -> Complex | None:
     """Return the inverse square root of the correlation of the bins of whitened noise.
 
-    What the filters suppress is not raised to the full, so that the bins that hold it are less than independent: nearly
-    all of two of them for high passes. What is left of it by less than `LEAST_CORRELATED` tells nothing.
+    What the filters suppress is not raised to the full, so that the bins that hold it are less than independent, those
+    next to zero behind high passes. What is left of it by less than `LEAST_CORRELATED` tells nothing.
     """
-    matrix = filter_matrix(radar)
+    matrix = noise_matrix(radar)
     if whitening is None or matrix is None:
         return None
     rows = _transform(_applied(whitening, matrix))  # white noise through filters, whitening and transform

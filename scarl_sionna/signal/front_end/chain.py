@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.specs.radar.front_end import FrontEnd
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
 from scarl_sionna.signal.multiplexing import multiplex
@@ -12,7 +15,7 @@ from scarl_sionna.signal.noise import add_noise
 
 from .amplifier import compress
 from .channels import apply_rx, apply_tx
-from .filters import apply_filters
+from .filters import Before, apply_filters
 from .mixer import add_offset, in_phase, unbalance
 
 
@@ -44,13 +47,26 @@ def receive(
         adc = multiplex(adc, radar)
     if front.channels is not None:
         adc = apply_rx(adc, front.channels, is_beat)
-    adc = add_noise(adc, radar, rng)
-    if front.amplifier is not None:
-        adc = compress(adc, front.amplifier)
-    if front.mixer is not None:
-        adc = unbalance(adc, front.mixer)
+    first = adc[:, :, :1].copy()
+    # of its own, so that what `rng` gives others does not depend on the filters
+    earlier = None if rng is None else np.random.default_rng(copy.deepcopy(rng).integers(2**63, size=2))
+
+    def before(index: int, count: int) -> Before:
+        """Return what the filters had before the rows of a receiver: the first echoes held, and noise."""
+        held = first[index]
+        lead = None if earlier is None else add_noise(np.broadcast_to(held, (len(held), count)), radar, earlier)
+        return Before(_amplified(held, front), None if lead is None else _amplified(lead, front))
+
+    adc = _amplified(add_noise(adc, radar, rng), front)
     if front.filters is not None:
-        adc = apply_filters(adc, radar)
+        adc = apply_filters(adc, radar, before)
     if front.dc_offset_dbm is not None:
         adc = add_offset(adc, front.dc_offset_dbm)
     return in_phase(adc) if radar.adc.is_real else adc
+
+
+def _amplified(adc: npt.NDArray[np.complex64], front: FrontEnd) -> npt.NDArray[np.complex64]:
+    """Return the signal behind amplifier and mixer, any shape [sqrt(W)]."""
+    if front.amplifier is not None:
+        adc = compress(adc, front.amplifier)
+    return adc if front.mixer is None else unbalance(adc, front.mixer)

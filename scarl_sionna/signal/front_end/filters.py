@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
@@ -47,7 +50,45 @@ def sampled_transfer(radar: RadarSpec, frequency: npt.NDArray[np.float64]) -> np
     return np.asarray(above * transfer(filters, share * rate) + (1.0 - above) * below)
 
 
-def apply_filters(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.NDArray[np.complex64]:
+def filter_factor(radar: RadarSpec) -> npt.NDArray[np.complex128]:
+    """Return what :func:`apply_filters` multiplies the spectrum of a row by, as long as the row or longer.
+
+    Of symbols as long: they go on periodically. Of ramps at least twice, so that what is before a row and what the
+    filters leave after it do not meet.
+    """
+    if radar.front_end.filters is not None and is_coded(radar.waveform):
+        frequency = scipy.fft.fftfreq(radar.num_samples, 1.0 / radar.sample_rate)
+        return transfer(radar.front_end.filters, frequency)
+    count = scipy.fft.next_fast_len(2 * radar.num_samples)
+    return sampled_transfer(radar, np.arange(count, dtype=np.float64) * (radar.sample_rate / count))
+
+
+def noise_share_left(radar: RadarSpec) -> float:
+    """Return the power of white noise behind the filters over that before them; 1 without filters.
+
+    By definition, the mean of the squared transfer function over the samples' band.
+    """
+    return float(np.mean(np.abs(filter_factor(radar)) ** 2))
+
+
+class Before(NamedTuple):
+    """What a receiver's rows are before their first sample.
+
+    Attributes
+    ----------
+    still : ndarray of complex, shape (num_rows, 1)
+        The constant to which the filters have settled [sqrt(W)].
+    lead : ndarray of complex, shape (num_rows, num_lead), or None
+        The samples before the row, that constant and noise [sqrt(W)]; None: that constant alone.
+    """
+
+    still: npt.NDArray[np.complex64]
+    lead: npt.NDArray[np.complex64] | None = None
+
+
+def apply_filters(
+    adc: npt.NDArray[np.complexfloating], radar: RadarSpec, before: Callable[[int, int], Before] | None = None
+) -> npt.NDArray[np.complex64]:
     """Return the signal behind the filters [sqrt(W)], same shape (num_rx, num_rows, num_samples).
 
     Parameters
@@ -56,6 +97,8 @@ def apply_filters(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt
         [sqrt(W)]
     radar : RadarSpec
         Its front end has filters.
+    before : callable, optional
+        From a receiver and a number of samples to what stands before its rows, of ramps; left out: their first sample.
 
     Notes
     -----
@@ -63,7 +106,8 @@ def apply_filters(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt
     rate only: over the top `BLEND` of the band the transfer function goes over into that of frequencies below 0 Hz
     (raised cosine: a jump would ring over the whole chirp), so echoes beyond ``(1 - BLEND) max_range`` are filtered as
     if partly there. A filter has settled to the first sample's value before the first sample: a constant is
-    suppressed from the start, an oscillation after the filter's own settling time, 1 us at 175 kHz.
+    suppressed from the start, an oscillation after the filter's own settling time, 1 us at 175 kHz. Noise goes on
+    before it (`before`), for at least as long as the row is and periodically: behind the filters it is stationary.
 
     Symbols go on periodically within a window (a prefix, or a code that is sent all the time), so they are in a steady
     state: their frequencies on both sides of the carrier have the transfer function as it is.
@@ -71,18 +115,19 @@ def apply_filters(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt
     filters = radar.front_end.filters
     if filters is None:
         return np.asarray(adc, dtype=np.complex64)
+    factor = filter_factor(radar).astype(np.complex64)
     if is_coded(radar.waveform):
-        frequency = scipy.fft.fftfreq(adc.shape[-1], 1.0 / radar.sample_rate)
         spectrum = scipy.fft.fft(np.asarray(adc, dtype=np.complex64), axis=-1)
-        spectrum *= transfer(filters, frequency).astype(np.complex64)
+        spectrum *= factor
         return np.asarray(scipy.fft.ifft(spectrum, axis=-1, overwrite_x=True))
-    count = scipy.fft.next_fast_len(2 * adc.shape[-1])
-    factor = sampled_transfer(radar, np.arange(count, dtype=np.float64) * (radar.sample_rate / count))
-    factor = factor.astype(np.complex64)
-    still = transfer(filters, np.zeros(1))[0]
+    through = np.complex64(transfer(filters, np.zeros(1))[0])
+    num_samples = adc.shape[-1]
     out = np.empty(adc.shape, dtype=np.complex64)
     for index, rows in enumerate(np.asarray(adc, dtype=np.complex64)):
-        first = rows[:, :1]
-        spectrum = scipy.fft.fft(rows - first, count, axis=1) * factor
-        out[index] = scipy.fft.ifft(spectrum, axis=1)[:, : adc.shape[-1]] + np.complex64(still) * first
+        still, lead = Before(rows[:, :1]) if before is None else before(index, len(factor) - num_samples)
+        moved = rows - still
+        if lead is not None:
+            moved = np.concatenate([moved, lead - still], axis=1)
+        spectrum = scipy.fft.fft(moved, len(factor), axis=1) * factor
+        out[index] = scipy.fft.ifft(spectrum, axis=1)[:, :num_samples] + through * still
     return out
