@@ -8,6 +8,7 @@ import pytest
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.units import db_to_power
+from scarl_sionna.radar.interference.heard import Interference
 from scarl_sionna.signal.noise import sample_noise_power
 
 ARRAY = ss.AntennaArray(
@@ -93,6 +94,28 @@ def test_hits_are_found_as_labels_have_them(frame) -> None:
     alone = ss.find_hits(noise, pfa=1e-2, guard=0)
     assert alone.mean() == pytest.approx(1e-2, abs=5.0 * (1e-2 / alone.size) ** 0.5 + 5e-4)  # the median is of 512
     assert ss.find_hits(noise, pfa=1e-2, guard=1).mean() > 2.0 * alone.mean()
+
+
+@pytest.mark.parametrize("filters", [None, ss.IfFilter(high_pass=(175e3,), low_pass=3e6)])
+@pytest.mark.parametrize("sampling", ["complex", "real"])
+@pytest.mark.parametrize("count", [1, 4])
+def test_noise_is_found_as_often_as_stated(filters, sampling: str, count: int) -> None:
+    """Of real samples and behind filters, too."""
+    radar = RADAR.with_(num_chirps=256, filters=filters, sampling=sampling)
+    adc = ss.synthesize(ss.RadarPaths.empty(ss.Pose()), radar, rng=np.random.default_rng(2))[:count]
+    found = ss.find_hits(adc, pfa=1e-3, guard=0)
+    assert found.mean() == pytest.approx(1e-3, abs=4.0 * (1e-3 * 3.0 / found.size) ** 0.5)  # neighbours are correlated
+
+
+@pytest.mark.parametrize("sampling", ["complex", "real"])
+def test_labels_of_hits_compare_with_the_noise_that_filters_leave(sampling: str) -> None:
+    """Behind 2 MHz the white noise is 7 dB more."""
+    radar = RADAR.with_(filters=ss.IfFilter(low_pass=2e6), sampling=sampling)
+    noise = ss.synthesize(ss.RadarPaths.empty(ss.Pose()), radar, rng=np.random.default_rng(2))
+    level = np.sqrt(np.mean(np.abs(noise) ** 2))
+    for factor in (0.95, 1.05):
+        other = np.full((4, radar.num_chirps_total, radar.num_samples), factor * level, dtype=np.complex64)
+        assert Interference(other, radar, ()).hit_samples.all() == (factor > 1.0)
 
 
 def test_what_is_refused_says_so() -> None:

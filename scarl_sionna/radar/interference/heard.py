@@ -15,6 +15,7 @@ from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.interferer import Interferer
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.signal.front_end.filters import noise_share_left
 from scarl_sionna.signal.noise import sample_noise_power
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
@@ -46,13 +47,14 @@ class Interference:
 
     @property
     def hit_samples(self) -> npt.NDArray[np.bool_]:
-        """Samples with more power of other radars than of thermal noise, mean over the receivers.
+        """Samples with more power of other radars than of thermal noise, both behind the filters, mean over receivers.
 
         Shape (num_chirps_total, num_samples).
         """
         power = np.mean(np.abs(self.adc) ** 2, axis=0)
         share = 0.5 if self.radar.adc.is_real else 1.0  # of the noise, which I has
-        return np.asarray(power > share * sample_noise_power(self.radar))
+        noise = sample_noise_power(self.radar) * noise_share_left(self.radar)
+        return np.asarray(power > share * noise)
 
     @property
     def cell_power(self) -> npt.NDArray[np.float32]:

@@ -17,7 +17,7 @@ def find_hits(adc: npt.NDArray[np.complexfloating], pfa: float = 1e-4, guard: in
     adc : ndarray of complex, shape (num_rx, num_chirps_total, num_samples)
         Raw data [sqrt(W)].
     pfa : float
-        Part of the samples of white noise alone that is found.
+        Part of the samples of noise alone that is found.
     guard : int
         Samples on either side of what is found that count as hit, too.
 
@@ -33,9 +33,13 @@ def find_hits(adc: npt.NDArray[np.complexfloating], pfa: float = 1e-4, guard: in
     Notes
     -----
     The power summed over the receivers is compared with its median over the row, which bursts shorter than half a row
-    hardly move. In noise the sum has a gamma distribution of as many degrees as receivers, so that the threshold is
+    hardly move. In noise, equally strong in all receivers, the sum has a gamma distribution of the shape of as many as
+    receivers, of real samples (no imaginary part anywhere) half as many, so that the threshold is
 
     .. math:: \mathrm{median} \cdot F^{-1}(1 - p) / F^{-1}(1/2)
+
+    Noise behind filters is as strong in every sample, so that the same holds; the fewer of a row's samples a low pass
+    leaves independent, the more its median scatters, and the rate with it.
 
     Echoes that are stronger than the noise in a sample raise the median, and with it the threshold.
 
@@ -53,7 +57,7 @@ def find_hits(adc: npt.NDArray[np.complexfloating], pfa: float = 1e-4, guard: in
     power = np.sum(adc.real.astype(np.float64) ** 2 + adc.imag.astype(np.float64) ** 2, axis=0)
     from scipy.stats import gamma  # 0.5 s, which few need
 
-    law = gamma(len(adc))
+    law = gamma(len(adc) if adc.imag.any() else 0.5 * len(adc))
     threshold = np.median(power, axis=1, keepdims=True) * law.isf(pfa) / law.median()
     found = power > threshold
     if guard and found.any():
