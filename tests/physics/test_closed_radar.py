@@ -240,6 +240,18 @@ def test_what_is_no_closed_radar_is_refused(device) -> None:
     rda = ss.range_doppler_angle(ss.virtual_cube(ss.synthesize(paths, symbols), symbols), symbols)
     with pytest.raises(ParameterRangeError, match="Ofdm"):
         ss.closed_radar_of(rda)
+    for changes in (
+        {"filters": ss.IfFilter(high_pass=(1e6,))},
+        {"phase_noise": ss.PhaseNoise(mask=((1e6, -60.0),))},
+        {"leakage": (ss.Leakage(length=0.1, level_db=-40.0),)},
+        {"amplifier": ss.Amplifier(p1db_dbm=-150.0)},
+    ):
+        known = RADAR.with_(**changes)
+        with pytest.raises(SpecError, match=r"front_end.ideal\(\)"):
+            device.with_(radar=known)
+        adc = ss.synthesize(points(10.0, 0.0), known)
+        with pytest.raises(SpecError, match=r"front_end.ideal\(\)"):
+            ss.closed_radar_of(ss.range_doppler_angle(ss.virtual_cube(adc, known), known))
     with pytest.raises(SpecError, match="offset over azimuth"):
         device.with_(axes=device.axes.with_(azimuth_deg=(0.0,)))
     with pytest.raises(SpecError, match="half the period of velocity"):

@@ -56,6 +56,8 @@ def closed_radar_of(
     ParameterRangeError
         If the radar has no linear ramps of I and Q or no uniform line of antennas, a number is out of range, or a
         factor would have more than 131,072 values.
+    SpecError
+        If the radar's front end is not ideal, or its radome sends something back.
 
     Notes
     -----

@@ -69,12 +69,13 @@ class ClosedRadarSpec(Spec):
     `radar` has what is known, at least about: the carrier, the power and the antennas' pattern (which echoes there
     are, and how strong), the number and the interval of chirps (when the middle of a frame is, how far velocities are
     told). Its antennas stand at the origin. A point's map peaks at the power that one channel of `radar` receives,
-    times `gain_db`.
+    times `gain_db`; effects of the front end (phase noise, leakage, filters, compression) are refused.
 
     Raises
     ------
     SpecError
-        If the point spread and the map have not the same axes, or the spread is wider than velocities are told.
+        If the point spread and the map have not the same axes, or the spread is wider than velocities are told; if
+        `radar` has effects of a front end, or a radome that sends something back: nothing would come of them.
     """
 
     radar: RadarSpec = Field(RadarSpec(), description="what is known of the radar")
@@ -112,6 +113,11 @@ class ClosedRadarSpec(Spec):
 
     @model_validator(mode="after")
     def _check(self) -> ClosedRadarSpec:
+        if not self.radar.front_end.is_ideal or self.radar.array.has_echo:
+            raise ValueError(
+                "a radar with power and noise alone: the table says what a point looks like, and nothing else of the "
+                "receiver reaches the map; take radar.with_(front_end=radar.front_end.ideal()), radomes with echo=False"
+            )
         counts = dict(zip(("velocity", "range", "azimuth"), self.axes.shape, strict=True))
         for axis, count in counts.items():
             if (axis in self.spread.axes) != (count > 1) and axis != "range":
