@@ -100,6 +100,17 @@ def test_sensors_look_at_their_own_rates(session: ss.Session, world: ss.World) -
     assert tuple(later.results) == RIG.names and later.index == 5
 
 
+@pytest.mark.parametrize("start", [0.0, 0.123, 1.76e9, 1.76e9 + 1.0 / 3.0])
+def test_rates_count_from_the_start_by_any_clock(world: ss.World, start: float) -> None:
+    """Seconds since 1970 are rounded to 0.24 us: a camera of 30 Hz looked at the steps 0, 2, 5, 7, 8 of 60 a second."""
+    settings = ss.SessionSettings(start=start, rates={"camera": 30.0, "lidar": 7.5})
+    with ss.Session(world, RIG, settings) as session:
+        due = [session._due(round((start + step / 60.0) * 1e9)) for step in range(600)]
+    assert [step for step, names in enumerate(due) if "camera" in names] == list(range(0, 600, 2))
+    assert [step for step, names in enumerate(due) if "lidar" in names] == list(range(0, 600, 8))
+    assert all("radar" in names for names in due)
+
+
 def test_velocities_are_derived_where_they_are_not_told(world: ss.World) -> None:
     turned = {0.0: ss.Pose([0, 0, 0]), 0.1: ss.Pose.from_euler([0.5, 0.1, 0], yaw=0.02)}
     with ss.Session(world, LIDAR, vehicle=ss.Pose([-30, 0, 1.0])) as session:
