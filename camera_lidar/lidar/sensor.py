@@ -14,11 +14,12 @@ from scarl_sionna.core.prompt.arguments import expect_generator
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver, PulsedReceiver, ScarlReceiver
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
+from scarl_sionna.engine.light.sky import daylight_share
 from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.engine.rays.shelter import is_under_cover
 from scarl_sionna.engine.spray import SprayCloud, spray_clouds
 from scarl_sionna.engine.threads import few_threads
-from scarl_sionna.engine.world import WorldState
+from scarl_sionna.engine.world import World, WorldState
 from scarl_sionna.scene.tables import PartTable
 
 from .detections import NO_ECHO, Detections
@@ -27,6 +28,7 @@ from .heterodyne.air import AirPeaks
 from .heterodyne.spray import spray_peaks
 from .motion import Motion, sensor_motion, shot_rays, to_timestamp
 from .pattern import shot_directions, shot_times
+from .photons import sun_irradiance
 from .pulsed import density_of_shots, estimate_waveforms, receive_pulsed, spray_cells, synthesize_waveforms
 from .receiver import Slots, receive
 from .returns import MIRRORED, Cast, Echoes, Shots, gather, join, nearest_of, place_in_group, trace
@@ -58,6 +60,10 @@ class Lidar:
         `lidar_ratio`, without rain and snow for a lidar under cover
         (:func:`~scarl_sionna.engine.rays.shelter.is_under_cover`).
 
+        Sunlight on what a pulsed receiver sees is its `solar_irradiance`; where that is None, the daylight of the
+        world's lighting (:func:`~scarl_sionna.engine.light.sky.daylight_share` of the sun above the air), none indoors,
+        and the sun above the air in a world without a lighting.
+
         Parameters
         ----------
         state : WorldState
@@ -77,16 +83,26 @@ class Lidar:
             If the lidar is inside a closed mesh.
         """
         expect_generator(rng)
-        place = state.as_mount(mount)
+        place, spec = state.as_mount(mount), self._in_daylight(state.world)
         check_placement(state, place.pose.position, "lidar")
         weather = state.world.weather
-        if not weather.is_clear and self.spec.atmosphere.is_clear:
-            air = weather.atmosphere.with_(lidar_ratio=self.spec.atmosphere.lidar_ratio)
+        if not weather.is_clear and spec.atmosphere.is_clear:
+            air = weather.atmosphere.with_(lidar_ratio=spec.atmosphere.lidar_ratio)
             if (air.rain_rate or air.snow_rate) and is_under_cover(state, place.pose.position):
                 air = air.with_(rain_rate=0.0, snow_rate=0.0)
-            spec = self.spec.with_(atmosphere=air)
-            return replace(Lidar(spec)._observe(state, place, rng), spec=self.spec)
-        return self._observe(state, place, rng)
+            spec = spec.with_(atmosphere=air)
+        if spec is self.spec:
+            return self._observe(state, place, rng)
+        return replace(Lidar(spec)._observe(state, place, rng), spec=self.spec)
+
+    def _in_daylight(self, world: World) -> LidarSpec:
+        """Return the lidar with the sunlight of a world on what it sees, where its receiver does not state one."""
+        receiver = self.spec.receiver
+        if not isinstance(receiver, PulsedReceiver) or receiver.solar_irradiance is not None or world.lighting is None:
+            return self.spec
+        share = 0.0 if world.is_indoors else daylight_share(world.lighting)
+        light = receiver.with_(solar_irradiance=share * sun_irradiance(self.spec.wavelength))
+        return self.spec.with_(receiver=light)
 
     def _observe(self, state: WorldState, mount: Mount, rng: np.random.Generator) -> LidarScan:
         spec, parts = self.spec, state.world.parts

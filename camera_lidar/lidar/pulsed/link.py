@@ -132,8 +132,9 @@ def background_rate(spec: LidarSpec, reflectance: npt.ArrayLike, distance: npt.A
     .. math:: \dot N = \frac{\eta_q}{h \nu} \eta \, A \, \pi \left(\frac{\Omega}{2}\right)^2
         \frac{\rho E_\lambda}{\pi} \Delta\lambda \, e^{-\alpha R}
 
-    by the definition of radiance. *Not modelled*: shadows, the sun's height (the surface faces it), light of the sky
-    and of fog.
+    by the definition of radiance. Without a `solar_irradiance` that of the sun above the air; in a world it is the
+    lighting's, see :class:`camera_lidar.lidar.Lidar`. *Not modelled*: shadows, how the surface stands to the sun (it
+    faces it), light of fog.
     """
     receiver = pulsed(spec)
     light = receiver.solar_irradiance

@@ -13,7 +13,7 @@ from scarl_sionna.core.units import Degrees, Metres, Unit
 
 
 class Lighting(Spec):
-    """Light of a scene. It changes the images of the optical twin only, never its geometry."""
+    """Light of a scene. It changes images of the optical twin and sunlight on what lidars see, never geometry."""
 
     sun_elevation_deg: Degrees = Field(
         38.0, ge=-90.0, le=90.0, description="above the horizon; below -18 it is night [deg]"

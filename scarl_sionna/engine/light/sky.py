@@ -40,6 +40,9 @@ _TWILIGHT_DEG = np.array([-18.0, -12.0, -6.0, -3.0, -0.8, 0.0])
 _TWILIGHT_LUX = np.array([6.5e-4, 8.3e-3, 3.4, 60.0, 450.0, 700.0])
 """Illuminance of the clear sky on level ground [3]."""
 
+_ABOVE_THE_AIR_LUX = 127.5e3
+"""Illuminance across the sun's rays above the air [1]."""
+
 _CLOUD_GREY = np.array([0.95, 1.0, 1.07])
 
 LOWEST_SUN_DEG = 1.0
@@ -65,6 +68,38 @@ def overcast_illuminance(lighting: Lighting) -> float:
     """Return the illuminance of level ground under an overcast sky [lx], dimmed at twilight like the clear sky."""
     height = np.sin(np.radians(max(lighting.sun_elevation_deg, 0.0)))
     return float((300.0 + 21e3 * height) * twilight_factor(lighting.sun_elevation_deg))
+
+
+def daylight_share(lighting: Lighting) -> float:
+    r"""Return the light of sun and sky on a surface that faces the sun, over the sun's above the air.
+
+    Parameters
+    ----------
+    lighting : Lighting
+
+    Notes
+    -----
+    With the cloud cover c, the sun at the height h and the air mass m [4]_,
+
+    .. math:: (1 - c) \left(e^{-0.21 m} + \frac{0.8 + 15.5 \sqrt{\sin h}}{127.5}\right)
+              + c \, \frac{0.3 + 21 \sin h}{127.5}
+
+    by the illuminances of the module's reference [1]_, those of the sky dimmed at twilight. The eye's weighting stands
+    for all wavelengths: air takes less of the near infrared, and the sky sends less of it.
+
+    References
+    ----------
+    .. [1] Illuminating Engineering Society, RP-21, 1984.
+    .. [4] F. Kasten, A. T. Young, "Revised optical air mass tables and approximation formula", Appl. Opt. 28(22), 1989.
+    """
+    height = lighting.sun_elevation_deg
+    sine = float(np.sin(np.radians(max(height, 0.0))))
+    direct = 0.0
+    if height > 0.0:
+        direct = float(np.exp(-0.21 / (sine + 0.50572 * (height + 6.07995) ** -1.6364)))
+    sky = (800.0 + 15.5e3 * sine**0.5) * twilight_factor(height) / _ABOVE_THE_AIR_LUX
+    clouds = overcast_illuminance(lighting) / _ABOVE_THE_AIR_LUX
+    return (1.0 - lighting.cloud_cover) * (direct + sky) + lighting.cloud_cover * clouds
 
 
 def sky_directions() -> Array:

@@ -90,7 +90,10 @@ class PulsedReceiver(Spec):
     )
     optical_bandwidth: Metres = Field(30e-9, gt=0.0, le=1e-6, description="width of the optical filter [m]")
     solar_irradiance: Annotated[float, Unit("W/(m2 nm)")] | None = Field(
-        None, ge=0.0, description="sunlight on what is seen [W/(m2 nm)]; None: a black body sun without air, 0: night"
+        None,
+        ge=0.0,
+        description="sunlight on what is seen [W/(m2 nm)], 0: night; None: by the world's lighting, a black body sun "
+        "without air where no world or no lighting is known",
     )
     quantum_efficiency: float = Field(0.7, gt=0.0, le=1.0, description="photoelectrons a photon")
     avalanche_gain: float = Field(100.0, ge=1.0, le=1e7, description="electrons a photoelectron")
