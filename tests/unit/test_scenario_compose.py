@@ -121,6 +121,12 @@ def actor(**lines: str) -> str:
     return "actors:\n  - name: a\n" + "".join(f"    {key}: {value}\n" for key, value in lines.items())
 
 
+def shifting(event: str, speed: float) -> str:
+    """Return a scenario whose only actor has an event in line 12."""
+    keys = ("kind: route", "lanes: [east]", "start: 50", f"speed: {speed}", "events:", f"  - {event}")
+    return actor(model="suv", trajectory="".join(f"\n      {key}" for key in keys))
+
+
 ROUTE = "{kind: route, lanes: [east], start: 50, speed: 8}"
 BAD = [
     ("scene: highway_guardrial\n", ScenarioNameError, 3, "scene", "did you mean 'highway_guardrail'"),
@@ -223,6 +229,41 @@ BAD = [
         6,
         "actors[0].trajectory",
         "speed on foot",
+    ),
+    (
+        shifting("{kind: shift, time: 0.5, duration: 2, by: 3}", speed=0),
+        ScenarioValueError,
+        12,
+        "actors[0].trajectory.events[0]",
+        "shifts 3 m to the left from 0.5 to 2.5 s, while it drives 0 m, which is too short",
+    ),
+    (
+        shifting("{kind: shift, time: 0.5, duration: 2, by: -3}", speed=3),
+        ScenarioValueError,
+        12,
+        "actors[0].trajectory.events[0]",
+        "to the right from 0.5 to 2.5 s, while it drives 6 m",
+    ),
+    (
+        shifting("{kind: shift, time: 0.5, duration: 0.8, by: 3}", speed=15),
+        ScenarioValueError,
+        12,
+        "actors[0].trajectory.events[0]",
+        "a lateral acceleration of",
+    ),
+    (
+        shifting("{kind: shift, time: -3, duration: 2, by: 3}", speed=8),
+        ScenarioValueError,
+        12,
+        "actors[0].trajectory.events[0].time",
+        "-3 s is before the motion begins, at 0 s",
+    ),
+    (
+        shifting("{kind: stop, at: 500}", speed=8),
+        ScenarioValueError,
+        12,
+        "actors[0].trajectory.events[0].at",
+        "beyond the lanes' end",
     ),
     ("variant: 3\n", ScenarioValueError, 3, "variant", "no variants"),
     ("traffic: {density: 10, mix: {suvv: 1}}\n", ScenarioNameError, 3, "traffic.mix.suvv", "did you mean 'suv'"),

@@ -10,6 +10,11 @@ import numpy as np
 
 from scarl_sionna.core.errors import ParameterRangeError
 
+STEERING = float(np.radians(32.0))
+"""Largest angle of the front wheels of the bicycle that a vehicle is here."""
+_STEP_ROUND = 0.5
+"""Radius of the narrowest bend that people walk, and all that has no axles takes [m]; an estimate."""
+
 
 class BodyLike(Protocol):
     """What planning asks of an actor model.
@@ -91,6 +96,11 @@ class ActorBody:
             raise ParameterRangeError("ActorBody.wheelbase", self.wheelbase, f"0 to the length of {self.length:g} m")
         if not abs(self.rear_axle) <= self.length / 2.0:
             raise ParameterRangeError("ActorBody.rear_axle", self.rear_axle, f"up to {self.length / 2.0:g} m from 0")
+
+    @property
+    def sharpest(self) -> float:
+        """Curvature of the narrowest bend of the rear axle [1/m]: wheels at `STEERING`, or steps of people."""
+        return float(np.tan(STEERING)) / self.wheelbase if self.wheelbase > 0.0 else 1.0 / _STEP_ROUND
 
     @classmethod
     def of(cls, model: BodyLike) -> ActorBody:

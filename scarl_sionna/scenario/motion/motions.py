@@ -52,14 +52,13 @@ from scarl_sionna.scene.motion.trajectory import (
 from .bodies import ActorBody
 from .ground import GroundLine
 from .parking import Manoeuvre, park
-from .paths import LateralShift, PathTrajectory, SmoothPath
+from .paths import PathTrajectory, SmoothPath
 from .profiles import SpeedProfile
 from .routes import Route, smoothing_of, timed_along, timed_trajectory, walked
+from .shifts import PlaceOf, shifts_of
 from .tables import SUFFIXES, TableTrack, read_table, table_tracks
 
 Array = npt.NDArray[np.float64]
-PlaceOf = Callable[..., ScenarioPlace]
-"""Returns the place of a key of the trajectory: ``place("lanes", 0)``."""
 
 MARGIN = 0.5
 """How long a motion goes on after the last frame where its path allows it [s]: sensors look at instants within a
@@ -183,10 +182,16 @@ def _route(spec: RouteSpec, name: str, body: ActorBody, setting: Setting, place:
         offset = float(np.clip(spec.offset + jitter.lateral, min(-room, spec.offset), max(room, spec.offset)))
     speed = lanes[0].speed if spec.speed is None else spec.speed
     begin = setting.start if spec.since is None else spec.since
+    for index, event in enumerate(spec.events):
+        if isinstance(event, StopSpec) and event.at > whole:
+            raise ScenarioValueError(
+                f"= {event.at:g} is beyond the lanes' end at {whole:.4g} m",
+                place("events", index, "at"),
+                "name more lanes, or stop before",
+                value=event.at,
+            )
     profile = _profile(spec, speed, start, begin, place)
-    shifts = [
-        _shift(event, profile, start + body.rear_axle, begin) for event in spec.events if isinstance(event, ShiftSpec)
-    ]
+    shifts = shifts_of(spec, profile, start, begin, body, place)
     assert setting.network is not None  # its lanes were found
     route = Route(setting.network, spec.lanes, offset, shifts)
 
@@ -243,14 +248,6 @@ def _profile(spec: RouteSpec, speed: float, start: float, begin: float, place: P
                 )
             profile = profile.reach(event.speed, event.acceleration, event.jerk)
     return profile
-
-
-def _shift(event: ShiftSpec, profile: SpeedProfile, start: float, begin: float) -> LateralShift:
-    """Return a shift along the way of one over time."""
-    since = max(event.time - begin, 0.0)
-    way = profile.way(since + event.duration)
-    first, last = float(way(since)), float(way(since + event.duration))
-    return LateralShift(start + first, max(last - first, 1e-3), event.by)
 
 
 def _waypoints(spec: WaypointsSpec, name: str, body: ActorBody, setting: Setting, jitter: Jitter) -> Trajectory:

@@ -15,15 +15,13 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.scene.lanes import Lane
 from scarl_sionna.scene.motion.trajectory import Motion, WheelWay
 
-from .bodies import ActorBody
+from .bodies import STEERING, ActorBody
 from .paths import PathTrajectory, SmoothPath
 from .profiles import SpeedProfile
 from .tilt import Springs
 
 Array = npt.NDArray[np.float64]
 
-STEERING = np.radians(32.0)
-"""Largest angle of the front wheels of the bicycle that a vehicle is here."""
 STEERING_WAY = 3.0
 """Way over which the front wheels go from straight to that angle [m]: 2 s at 1.5 m/s."""
 PARALLEL = np.radians(15.0)
@@ -145,7 +143,7 @@ def park(
     if body.wheelbase <= 0.0:
         raise ParameterRangeError(f"{name}.model", "a body without axles", "a vehicle")
     frame = _Frame.of(lane, place, what.nose, body)
-    sharpest = float(np.tan(STEERING)) / body.wheelbase
+    sharpest = body.sharpest
     across, phi = frame.across, frame.angle
     if frame.is_parallel:
         plan = _sideways(across, phi, sharpest, name)

@@ -48,7 +48,10 @@ class StopSpec(Spec):
 
 
 class ShiftSpec(Spec):
-    """A smooth move to the side while driving on: a lane change, a cut-in, or passing an obstacle."""
+    """A smooth move to the side while driving on: a lane change, a cut-in, or passing an obstacle.
+
+    What is driven meanwhile has to be long enough for steering and grip; standing bodies do not shift.
+    """
 
     kind: Literal["shift"] = "shift"
     time: Seconds = Field(description="when it begins [s]")
