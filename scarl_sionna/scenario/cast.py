@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -144,9 +144,9 @@ def _own_model(file: Path, changed: Stamps, name: str, text: str, key: str) -> A
 
 
 def cast_of(
-    spec: ScenarioSpec, scene: SceneDocument, roles: Sequence[Role], setting: Setting, attempt: int = 0
+    spec: ScenarioSpec, scene: SceneDocument, roles: Sequence[Role], setting: Setting, attempts: Mapping[str, int]
 ) -> list[Member]:
-    """Return the ego vehicle and the actors with their motions.
+    """Return the ego vehicle and the actors with their motions; `attempts`: how often each was drawn in vain, by name.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def cast_of(
     """
     members, problems = [], []
     for role in roles:
-        jitter = draw_jitter(spec.seed, role.name, spec.randomization.placements, attempt)
+        jitter = draw_jitter(spec.seed, role.name, spec.randomization.placements, attempts.get(role.name, 0))
         try:
             members.append(Member(role.path, _staged(spec, role, _motion(spec, scene, role, setting, jitter))))
         except ScenarioError as error:

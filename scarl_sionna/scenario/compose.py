@@ -6,6 +6,7 @@ Scene, actors and their motions, traffic, weather and light, and the checks that
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,7 @@ from scarl_sionna.scene.document.staging import stage
 from scarl_sionna.scene.materials.table import MaterialTable, load_materials
 
 from .cast import EGO, Member, cast_of, roles_of
-from .checks.spec import check_collisions, check_gaits, check_places, check_speeds, check_times, first_collision
+from .checks.spec import check_collisions, check_gaits, check_places, check_speeds, check_times, touching
 from .drawn import drawn
 from .motion.motions import Setting
 from .own_map import OWN_MAP, own_map
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from scarl_sionna.engine.world import World
 
 ATTEMPTS = 20
-"""How often placements are drawn again where bodies touch."""
+"""How often placements are drawn again where bodies touch: that of the later of the two, from the half on of both."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,15 +84,18 @@ def compose(spec: ScenarioSpec) -> Composition:
     roles = roles_of(spec, problems)
     setting = Setting(spec.scene, scene.lanes, spec.times[0], spec.times[-1], spec.find)
     own: list[Member] = []
-    for attempt in range(ATTEMPTS):
+    attempts: Counter[str] = Counter()
+    for turn in range(ATTEMPTS):
         try:
-            own = cast_of(spec, scene, roles, setting, attempt)
+            own = cast_of(spec, scene, roles, setting, attempts)
         except ScenarioError as error:
             problems += error.problems
         if problems:
             raise ScenarioError.first_of(problems)
-        if spec.randomization.placements is None or first_collision(spec, own) is None:
+        pairs = touching(spec, own) if spec.randomization.placements is not None else []
+        if not pairs:
             break
+        attempts.update({name for pair in pairs for name in (pair[-1:] if 2 * turn < ATTEMPTS else pair)})
     kept = with_signals_of(spec, remaining(spec, scene), setting)
     check_times(spec, own, kept)
     check_speeds(spec, own)

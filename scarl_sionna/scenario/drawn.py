@@ -15,6 +15,7 @@ from .spec.light import at_hour
 from .spec.scenario import ScenarioSpec
 
 _EQUINOX = 80
+_YEAR = 365
 _DIGITS = 3
 
 
@@ -42,18 +43,20 @@ def drawn(spec: ScenarioSpec) -> tuple[ScenarioSpec, dict[str, Any]]:
         found["variant"] = changes["variant"] = index if isinstance(wanted.variant, int) else wanted.variant[index]
     if wanted.hour is not None:
         first, num_minutes = _minutes(wanted.hour)
-        rng = seeds.generator(spec.seed, "scenario_hour")
-        minute = (first + int(rng.integers(num_minutes))) % 1440
+        minute = (first + int(seeds.generator(spec.seed, "scenario_hour").integers(num_minutes))) % 1440
         day = _EQUINOX
         if wanted.day_of_year is not None:
-            day = found["day_of_year"] = int(rng.integers(min(wanted.day_of_year), max(wanted.day_of_year) + 1))
+            days = _days(wanted.day_of_year)
+            day = found["day_of_year"] = days[int(seeds.generator(spec.seed, "scenario_day").integers(len(days)))]
         found["hour"] = f"{minute // 60:02d}:{minute % 60:02d}"
-        changes["lighting"] = at_hour(spec.lighting, minute / 60.0, day)
+        changes["lighting"] = at_hour(
+            spec.lighting, minute / 60.0, day, latitude_deg=wanted.latitude_deg, north_deg=wanted.north_deg
+        )
     if wanted.weather is not None:
         rng = seeds.generator(spec.seed, "scenario_weather")
         shares = np.array([one.share for one in wanted.weather])
         chosen = wanted.weather[int(rng.choice(len(shares), p=shares / shares.sum()))]
-        values = _values(chosen, rng)
+        values = _values(chosen, spec.seed)
         base = Weather.preset(chosen.preset).model_dump() | values
         changes["weather"] = Weather(**base)
         found["weather"] = {"preset": chosen.preset, **values} if values else chosen.preset
@@ -69,14 +72,19 @@ def _minutes(hours: tuple[float, ...]) -> tuple[int, int]:
     return first, min((last - first) % 1440 + 1, 1440) if last - first != 1440 else 1440
 
 
-def _values(chosen: WeatherDraw, rng: np.random.Generator) -> dict[str, float]:
-    """Return the values of a weather that are drawn between two."""
-    draws = rng.uniform(size=len(WeatherDraw.model_fields))  # as many for each, so that no range changes another
-    spans = chosen.ranges
-    return {
-        name: float(f"{low * (high / low) ** draw:.{_DIGITS}g}")
-        for draw, (name, (low, high)) in zip(draws, spans.items(), strict=False)
-    }
+def _days(span: tuple[int, ...]) -> list[int]:
+    """Return the days of a span; both ends belong to it, and it may pass the new year."""
+    first, last = span
+    return [*range(first, last + 1)] if first <= last else [*range(first, _YEAR + 1), *range(1, last + 1)]
+
+
+def _values(chosen: WeatherDraw, seed: int) -> dict[str, float]:
+    """Return the values of a weather that are drawn between two, each by itself."""
+    found = {}
+    for name, (low, high) in chosen.ranges.items():
+        draw = float(seeds.generator(seed, "scenario_weather_value", value=name).uniform())
+        found[name] = float(f"{low * (high / low) ** draw:.{_DIGITS}g}")
+    return found
 
 
 def num_distinct(spec: ScenarioSpec) -> int:
@@ -91,7 +99,7 @@ def num_distinct(spec: ScenarioSpec) -> int:
     if wanted.hour is not None:
         count *= _minutes(wanted.hour)[1]
     if wanted.day_of_year is not None:
-        count *= abs(wanted.day_of_year[1] - wanted.day_of_year[0]) + 1
+        count *= len(_days(wanted.day_of_year))
     if wanted.weather is not None:
         count *= len(wanted.weather)
     return count

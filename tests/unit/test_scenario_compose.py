@@ -116,6 +116,21 @@ def test_the_same_everywhere(folder) -> None:
     assert states(spec) != states(spec.with_(seed=1))
 
 
+def test_who_touches_another_moves_nobody_else(folder) -> None:
+    """One more actor, which in some draws touches the ego vehicle, is placed anew alone."""
+
+    def places(text: str, seed: int) -> dict[str, bytes]:
+        spec = load(folder, text + "randomization: {placements: {along: 2}}\n").with_(seed=seed)
+        return {one.actor.name: one.actor.trajectory.pose(0.0).position.tobytes() for one in compose(spec).members}
+
+    head = EGO + "actors:\n  - {name: far, model: suv, trajectory: {kind: static, lane: west, start: 20}}\n"
+    near = "  - {name: near, model: saloon, trajectory: {kind: route, lanes: [east], start: 106.5, speed: 8}}\n"
+    for seed in range(6):
+        found = places(head + near, seed)
+        del found["near"]
+        assert found == places(head, seed)
+
+
 def actor(**lines: str) -> str:
     """Return a scenario whose only actor `a` stands in lines 4 to 4 + len(lines)."""
     return "actors:\n  - name: a\n" + "".join(f"    {key}: {value}\n" for key, value in lines.items())

@@ -77,6 +77,7 @@ def test_draws_have_the_stated_shares() -> None:
         ({"hour": ["22:00", "02:00"]}, 241),
         ({"hour": [12, 12]}, 1),
         ({"hour": [6, 7], "day_of_year": [172, 181]}, 61 * 10),
+        ({"hour": [12, 12], "day_of_year": [335, 59]}, 90),
         ({"weather": True}, len(WEATHER_PRESETS)),
         ({}, 1),
     ],
@@ -106,6 +107,29 @@ def test_values_of_a_weather_between_two() -> None:
     assert np.mean(rates < 10.0) == pytest.approx(0.5, abs=5 * 0.5 / np.sqrt(1500))  # evenly in the logarithm
 
 
+def test_ranges_move_no_other_draw() -> None:
+    """Neither another range of hours the day, nor a range of the rain the visibility."""
+    fog = {"preset": "clear", "visibility": [100, 1000]}
+    for seed in range(20):
+        days = {drawn(spec(seed, hour=hours, day_of_year=[1, 365]))[1]["day_of_year"] for hours in ([12, 12], [6, 22])}
+        assert len(days) == 1
+        sights = {
+            drawn(spec(seed, weather=[one]))[1]["weather"]["visibility"] for one in (fog, {**fog, "rain_rate": [1, 50]})
+        }
+        assert len(sights) == 1
+
+
+def test_days_through_the_new_year() -> None:
+    days = {drawn(spec(seed, hour=[12, 12], day_of_year=[363, 2]))[1]["day_of_year"] for seed in range(100)}
+    assert days == {363, 364, 365, 1, 2}
+
+
+def test_the_sun_of_a_drawn_hour_is_that_of_the_place() -> None:
+    place = {"latitude_deg": -33.0, "north_deg": 0.0}
+    light = drawn(spec(hour=[12, 12], day_of_year=[172, 172], **place))[0].lighting
+    assert light == lighting_at(12.0, 172, **place) and light.sun_elevation_deg == pytest.approx(33.6, abs=0.1)
+
+
 def test_what_else_the_light_states_stays() -> None:
     one = ScenarioSpec(lighting={"cloud_cover": 0.7, "turbidity": 5.0}, randomization={"hour": ["12:00", "12:00"]})
     light, noon = drawn(one)[0].lighting, lighting_at(12.0)
@@ -126,6 +150,7 @@ def test_the_line_of_the_command_counts_them() -> None:
     [
         ("variant: 3\nrandomization: {variant: draw}", "stands beside `randomization.variant`"),
         ("weather: rain\nrandomization: {weather: draw}", "stands beside `randomization.weather`"),
+        ("lighting: {time_of_day: '12:00', latitude_deg: -33}\nrandomization: {hour: [10, 11]}", "which draws the sun"),
         ("randomization: {variant: 1}", "variant"),
         ("randomization: {hour: [5, 25]}", "hour"),
         ("randomization: {hour: 5}", "hour"),

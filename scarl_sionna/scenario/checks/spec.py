@@ -181,10 +181,12 @@ def instants(spec: ScenarioSpec) -> npt.NDArray[np.float64]:
     return np.linspace(first, last, count) if last > first else np.array([first])
 
 
-def first_collision(spec: ScenarioSpec, members: Sequence[Member]) -> Collision | None:
-    """Return the first overlap among some members, or None."""
+def touching(spec: ScenarioSpec, members: Sequence[Member]) -> list[tuple[str, str]]:
+    """Return the names of members that overlap, each pair in the order of the members."""
+    order = {member.actor.name: index for index, member in enumerate(members)}
     hits = find_collisions(_moving(members), instants(spec), TOUCH)
-    return hits[0] if hits else None
+    pairs = ((hit.first, hit.second) for hit in hits)
+    return [(one, other) if order[one] < order[other] else (other, one) for one, other in pairs]
 
 
 def _moving(members: Sequence[Member]) -> list[Moving]:

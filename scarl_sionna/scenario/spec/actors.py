@@ -144,6 +144,8 @@ class RandomizationSpec(Spec):
     variant: VariantDraw = Field(None, description="place: one of so many variants, or of those listed")
     hour: HourDraw = Field(None, description="true solar time, between two hours")
     day_of_year: DayDraw | None = Field(None, description="between two, with `hour`")
+    latitude_deg: Degrees = Field(50.0, ge=-90.0, le=90.0, description="of the place where it is the `hour` [deg]")
+    north_deg: Degrees = Field(90.0, description="direction of north there, from +x towards +y [deg]")
     weather: WeatherDraws = Field(None, description="one of these")
 
     @model_validator(mode="after")

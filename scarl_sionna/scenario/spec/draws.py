@@ -95,6 +95,6 @@ HourDraw = Annotated[
 ]
 """Between two true solar times, whole minutes; the first after the second: through midnight. ``draw``: any."""
 DayDraw = Annotated[tuple[Annotated[int, Field(ge=1, le=366)], ...], Field(min_length=2, max_length=2)]
-"""Between two days of the year, these among them."""
+"""Between two days of the year, these among them; the first after the second: through the new year."""
 WeatherDraws = Annotated[Annotated[tuple[WeatherDraw, ...], Field(min_length=1)] | None, BeforeValidator(_weathers)]
 """Names, names with shares, or mappings with ranges; ``draw``: all weathers by name, equally often."""

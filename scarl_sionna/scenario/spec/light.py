@@ -90,9 +90,12 @@ def lighting_at(
     return Lighting(**{**values, **changes})
 
 
-def at_hour(lighting: Lighting | None, hour: float, day_of_year: int = 80) -> Lighting:
-    """Return a lighting with sun, lamps and exposure of another time of day; what else it states stays."""
-    light = lighting_at(hour, day_of_year)
+def at_hour(lighting: Lighting | None, hour: float, day_of_year: int = 80, **place: float) -> Lighting:
+    """Return a lighting with sun, lamps and exposure of another time of day; what else it states stays.
+
+    `place`: `latitude_deg` and `north_deg` of `lighting_at`.
+    """
+    light = lighting_at(hour, day_of_year, **place)
     return light if lighting is None else lighting.with_(**{name: getattr(light, name) for name in _BY_THE_SUN})
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -26,7 +27,7 @@ from scarl_sionna.core.units import Hertz, Seconds
 
 from .actors import ActorSpec, EgoSpec, RandomizationSpec, TrafficSpec
 from .files import Origin, place_of, read_marked
-from .light import ConditionsSpec, LightingField, WeatherField
+from .light import CLOCK, ConditionsSpec, LightingField, WeatherField
 from .problems import problems_of
 
 LIBRARY = Path(__file__).parents[1] / "library"
@@ -106,6 +107,21 @@ class ScenarioSpec(Spec):
             object.__setattr__(self, "num_frames", frames)
         object.__setattr__(self, "duration", self.num_frames / self.frame_rate)
         return self
+
+    @model_validator(mode="before")
+    @classmethod
+    def _clock(cls, data: object) -> object:
+        """Refuse a lighting by the clock beside an hour that is drawn: which of the two counts cannot be told."""
+        if isinstance(data, Mapping) and isinstance(light := data.get("lighting"), Mapping):
+            draws = data.get("randomization")
+            hour = draws.get("hour") if isinstance(draws, Mapping) else getattr(draws, "hour", None)
+            if hour is not None and (stated := next((key for key in CLOCK if key in light), None)):
+                raise ScenarioValueError(
+                    "stands beside `randomization.hour`, which draws the sun's place",
+                    ScenarioPlace(f"lighting.{stated}"),
+                    "leave it out; `randomization` has `day_of_year`, `latitude_deg` and `north_deg`",
+                )
+        return data
 
     @model_validator(mode="after")
     def _draws(self) -> ScenarioSpec:
