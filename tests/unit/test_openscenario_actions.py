@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import fresnel
 
+from scarl_sionna.core.errors import ScarlWarning
 from tests import openscenario_files as files
 from tests import street_maps as maps
 
@@ -95,6 +96,26 @@ def test_lanes_change_by_their_shape(tmp_path, shape, dimension, amount, speed):
     # a linear one has a corner at both ends, which the path rounds
     corner = files.LANE / took / speed * max(3.0, 0.75 * (speed - 12.0)) / 6.0 if shape == "linear" else 0.0
     assert worst < CLOSE + corner
+
+
+@pytest.mark.parametrize("shape", list(SHAPES))
+@pytest.mark.parametrize("starts", [False, True])
+def test_who_stands_changes_no_lane_and_one_who_sets_off_changes_it_on_its_way(tmp_path, shape, starts):
+    acts = [files.event(files.lane_change('<AbsoluteTargetLane value="-2"/>', shape, "time", 2.0), files.after(1.0))]
+    if starts:
+        acts.append(files.event(files.speed(8.0, "linear", "time", 2.0), files.after(4.0), "off"))
+    text = files.scenario(
+        files.vehicle("Ego"), files.init("Ego", files.on_lane(20.0, -1), 0.0), files.group("Ego", *acts)
+    )
+    with pytest.warns(ScarlWarning, match="drives too little meanwhile"):
+        ego = next(iter(files.read_openscenario(files.written(tmp_path, text, files.STRAIGHT))))
+    times = np.arange(0.0, 9.9, 0.05)
+    poses = [ego.trajectory.pose(time) for time in times]
+    aside = np.array([files.rear_axle(ego, time)[1] + 1.75 for time in times])
+    turned = np.degrees([abs(pose.yaw) for pose in poses])
+    assert np.abs(aside[times < 4.0]).max() < 0.25 and np.ptp(turned[times < 4.0]) < 0.01  # it stands
+    assert turned[0] < 10.0 and turned.max() < 42.0
+    assert abs(aside[-1] - (-3.5 if starts else 0.0)) < 0.05
 
 
 def test_a_lane_relative_to_another_vehicle_is_to_the_left_of_it(tmp_path):

@@ -148,9 +148,8 @@ def shifted(
             )
         stage.put(actor, replace(motion, left=wanted))
         return None
-    return Shift(
-        stage.time, motion.travelled, motion.left, wanted, dynamics.shape, time, distance, is_continuous=is_continuous
-    )
+    moved = (motion.travelled, motion.left, wanted)
+    return Shift(node, stage.time, *moved, dynamics.shape, time, distance, is_continuous=is_continuous)
 
 
 class FollowTrajectoryAction(Action):

@@ -15,7 +15,14 @@ from .positions import Place
 
 HARDEST = 10.0
 """Acceleration that a step of speed is made with where the file states none, and at most [m/s2]."""
+STEEPEST = 0.7
+"""Way to the side over way along the lane, at most: 35 deg between heading and lane."""
+NARROWEST = 3.5
+"""Radius of the bend with which a change of the offset begins, at least [m]: what small cars drive."""
+_BACK = 3.0
+"""Lateral acceleration with which a change of the offset ends that had too little way [m/s2]."""
 _SOON = 1e-6
+_THERE = 1e-3
 
 
 class Process:
@@ -174,7 +181,9 @@ class KeepAside(Process):
         wanted = math.copysign(min(0.4 * abs(error), math.sqrt(2.0 * brake * abs(error))), error) + same * other.drift
         wanted = min(max(wanted, -top), top)
         change = min(max((wanted - motion.drift) / 0.4, -brake), gain) * step
-        return motion.left + (motion.drift + change) * step
+        return _within(
+            motion.left + (motion.drift + change) * step, motion.left, STEEPEST * (travelled - motion.travelled)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,8 +270,13 @@ class Synchronize(Process):
 
 @dataclass(frozen=True, eq=False)
 class Shift(Process):
-    """A change of the offset from the middle of a lane in a closed form of time or of the way."""
+    """A change of the offset from the middle of a lane in a closed form of time or of the way.
 
+    Who drives too slowly for it, or stands, goes to the side only as far as the way allows: it begins with a bend of
+    radius `NARROWEST`, is nowhere steeper than `STEEPEST`, and lasts until the offset is reached.
+    """
+
+    node: Node
     start: float
     travelled: float
     before: float
@@ -284,12 +298,28 @@ class Shift(Process):
         return 1.0 if self.duration <= 0.0 else (time - self.start) / self.duration
 
     def finished(self, motion: Motion, world: World) -> bool:
-        """Return whether the end of its time or way is reached."""
-        if self.is_continuous:
-            return False
+        """Return whether the end of its time or way is reached, and the offset."""
+        return not self.is_continuous and self._is_due(motion) and abs(motion.left - self.after) < _THERE
+
+    def is_late(self, motion: Motion) -> bool:
+        """Return whether its time or way is over before the offset is reached."""
+        return self._is_due(motion) and abs(motion.left - self.after) >= _THERE
+
+    def _is_due(self, motion: Motion) -> bool:
         return self._part(motion.time, motion.travelled) >= 1.0 - 1e-9 or motion.time >= self.ends_at - _SOON
 
     def left(self, motion: Motion, until: float, travelled: float, world: World) -> float:
-        """Return the offset of the closed form."""
+        """Return the offset of the closed form, as far as the way allows it."""
         part = self._part(until, travelled)
-        return self.after if part >= 1.0 else self.before + (self.after - self.before) * share(self.shape, part)
+        wanted = self.after if part >= 1.0 else self.before + (self.after - self.before) * share(self.shape, part)
+        wanted = _within(wanted, self.before, (travelled - self.travelled) ** 2 / (2.0 * NARROWEST))
+        steepest = STEEPEST
+        if self.is_late(motion):  # and bends back before it is there
+            bend = max(NARROWEST, motion.speed**2 / _BACK)
+            steepest = min(steepest, math.sqrt(2.0 * abs(self.after - motion.left) / bend))
+        return _within(wanted, motion.left, steepest * (travelled - motion.travelled))
+
+
+def _within(value: float, middle: float, most: float) -> float:
+    """Return the value that is nearest to one and at most so far from a middle."""
+    return min(max(value, middle - most), middle + most)

@@ -18,7 +18,7 @@ from .actions import START, Action
 from .motion import Motion
 from .placing import FollowTrajectoryAction, TeleportAction, at_place
 from .positions import placed
-from .processes import Process
+from .processes import Process, Shift
 from .shapes import Follow
 from .signals import TrafficSignals
 from .storyboard import Element, Running, Storyboard
@@ -280,6 +280,9 @@ class Simulation:
                 speed = running.process.last_speed(self)
                 if speed is not None:
                     self.put(running.actor, replace(self.motions[running.actor], speed=speed))
+            elif isinstance(running.process, Shift) and running.process.is_late(self.motions[running.actor]):
+                said = f"'{running.actor}' drives too little meanwhile: it goes to the side only as far as it drives"
+                running.process.node.note(said)
         ends = False
         self._now, self._next = self._next, []
         for _ in range(_MOST_ROUNDS):
