@@ -41,3 +41,8 @@ class GroundLine:
         away = np.linalg.norm(offset - share[..., None] * self._step[:, :2], axis=2)
         nearest, rows = away.argmin(1), np.arange(len(spot))
         return np.asarray(self._line[nearest, 2] + share[rows, nearest] * self._step[nearest, 2])
+
+
+def distinct(points: Array) -> Array:
+    """Return those of points (N, 3) [m] that lie apart in plan from the one before, for a `GroundLine`."""
+    return points[np.concatenate([[True], np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1) > 1e-3])]

@@ -46,25 +46,24 @@ from scarl_sionna.scene.motion.trajectory import (
     ConstantTwistTrajectory,
     StaticTrajectory,
     Trajectory,
-    WaypointTrajectory,
 )
 
 from .bodies import ActorBody
-from .ground import GroundLine
+from .ground import GroundLine, distinct
+from .on_foot import GAIT
 from .parking import Manoeuvre, park
-from .paths import PathTrajectory, SmoothPath
+from .paths import PathTrajectory
 from .profiles import SpeedProfile
-from .routes import Route, smoothing_of, timed_along, timed_trajectory, walked
+from .routes import Route
 from .shifts import PlaceOf, shifts_of
 from .tables import SUFFIXES, TableTrack, read_table, table_tracks
+from .waypoints import is_on_foot, through
 
 Array = npt.NDArray[np.float64]
 
 MARGIN = 0.5
 """How long a motion goes on after the last frame where its path allows it [s]: sensors look at instants within a
 frame."""
-_GAIT = (1.5, 4.0)
-"""Acceleration [m/s2] and jerk [m/s3] with which a pedestrian sets off and stops."""
 _REST = 0.1
 """How far from the end of a lane people stop [m]."""
 
@@ -203,7 +202,7 @@ def _route(spec: RouteSpec, name: str, body: ActorBody, setting: Setting, place:
         return along(profile, duration)
     except ParameterRangeError:
         if body.motion == "walk" and profile.final_speed > 0.0:  # people stop where their way ends
-            return along(profile.stop_at(whole - start - _REST, *_GAIT), duration)
+            return along(profile.stop_at(whole - start - _REST, *GAIT), duration)
         return along(profile, None)  # as far as the lanes go
 
 
@@ -253,54 +252,14 @@ def _profile(spec: RouteSpec, speed: float, start: float, begin: float, place: P
 def _waypoints(spec: WaypointsSpec, name: str, body: ActorBody, setting: Setting, jitter: Jitter) -> Trajectory:
     points = np.array([setting.ground(point) for point in spec.positions])
     step = next((part for part in np.diff(points[:, :2], axis=0) if np.linalg.norm(part) > 1e-3), np.array([1.0, 0.0]))
-    points = points + _shifted(jitter, float(np.arctan2(step[1], step[0])))
-    if spec.yaw_deg is not None:
-        times = spec.times if spec.times is not None else _times(points, float(spec.speed or 1.0), spec.depart)
-        return WaypointTrajectory(times, points, spec.yaw_deg, name)
-    if spec.times is not None:
-        ground = None if spec.ground is None else GroundLine(spec.ground)
-        if _on_foot(body) and ground is None and not spec.reverse:
-            path, ways = walked(points, body, name)
-            return timed_along(path, ways, spec.times, body, name)
-        return timed_trajectory(points, spec.times, body, ground=ground, reverse=spec.reverse, name=name)
-    return _paced(points, spec, name, body, setting)
-
-
-def _on_foot(body: ActorBody) -> bool:
-    return body.motion in ("walk", "stand")
-
-
-def _times(points: Array, speed: float, depart: float) -> Array:
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return depart + way / speed
-
-
-def _paced(points: Array, spec: WaypointsSpec, name: str, body: ActorBody, setting: Setting) -> Trajectory:
-    """Return the motion at one speed; a pedestrian stops at the last point and stays."""
-    assert spec.speed is not None
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    if steps.min() < 1e-3:
-        raise ParameterRangeError(f"{name}.positions", "a point twice in a row", "distinct points")
-    walks = _on_foot(body)
-    if walks:
-        path, ways = walked(points, body, name)
-    else:
-        margin = (body.length + 1.0, body.length + 1.0)
-        path = SmoothPath(points, min(smoothing_of(body), float(np.median(steps))), margin, sparse=True)
-        ways = path.way_of(np.concatenate([[0.0], np.cumsum(steps)])) + body.rear_axle
-    acceleration, jerk = _GAIT if walks else (2.0, 4.0)
-    start = min(setting.start, spec.depart)
-    profile = SpeedProfile(spec.speed)
-    if spec.depart > setting.start:
-        profile = SpeedProfile(0.0).hold(spec.depart - start).reach(spec.speed, acceleration, jerk)
-    total = float(ways[-1] - ways[0])
-    known = setting.last + MARGIN - start
-    if walks:
-        profile = profile.stop_at(total, acceleration, jerk)
-    elif profile.way(known)(known) > total:
-        way = profile.way(known)
-        known = float(np.real(next(root for root in way.solve(total, extrapolate=False) if np.isfinite(root))))
-    return PathTrajectory(path, profile.way(known, start, float(ways[0])), body, start, start + known, name)
+    span, ground = (setting.start, setting.last + MARGIN), None if spec.ground is None else GroundLine(spec.ground)
+    shift = _shifted(jitter, float(np.arctan2(step[1], step[0])))
+    if np.any(shift):  # on the ground of the stated way, which has kerbs where it has them
+        stated = GroundLine(distinct(points)) if ground is None else ground
+        points = points + shift
+        points[:, 2] = stated(points[:, :2])
+        ground = stated if is_on_foot(body) else ground
+    return through(spec, points, body, span, name, ground)
 
 
 def _constant_twist(spec: ConstantTwistSpec, setting: Setting, jitter: Jitter) -> Trajectory:

@@ -17,6 +17,8 @@ from .paths import SMOOTHING, LateralShift, PathTrajectory, SmoothPath
 from .profiles import SpeedProfile, constant_way, smooth_way
 
 Array = npt.NDArray[np.float64]
+Ground = Callable[[Array], Array]
+"""Heights (M,) [m] of the ground at places (M, 2) [m]."""
 
 WALK_SMOOTHING = 1.5
 """Distance of the knots of a walker's path [m]: about two steps; a corner is taken in three."""
@@ -209,7 +211,7 @@ def timed_trajectory(
     times: npt.ArrayLike,
     body: ActorBody,
     *,
-    ground: Callable[[Array], Array] | None = None,
+    ground: Ground | None = None,
     reverse: bool = False,
     name: str = "actor",
 ) -> PathTrajectory:
@@ -259,13 +261,13 @@ def _through(
     waypoints: npt.ArrayLike,
     body: ActorBody,
     name: str,
-    ground: Callable[[Array], Array] | None = None,
+    ground: Ground | None = None,
     reverse: bool = False,
 ) -> tuple[SmoothPath, Array]:
     """Return the path through waypoints in the direction of the heading, and the way of the rear axle at each [m]."""
     points = _checked(waypoints, name)
     points = points[::-1] if reverse else points
-    fresh = _fresh(points, name)
+    fresh = fresh_points(points, name)
     kept = points[fresh]
     smoothing = min(smoothing_of(body), float(np.median(np.linalg.norm(np.diff(kept, axis=0), axis=1))))
     path = SmoothPath(kept, smoothing, (body.length + 1.0, body.length + 1.0), sparse=True)
@@ -275,7 +277,9 @@ def _through(
     return path, ways[::-1] if reverse else ways
 
 
-def walked(waypoints: npt.ArrayLike, body: ActorBody, name: str) -> tuple[SmoothPath, Array]:
+def walked(
+    waypoints: npt.ArrayLike, body: ActorBody, name: str, ground: Ground | None = None
+) -> tuple[SmoothPath, Array]:
     r"""Return the way of a body that goes straight from point to point, and where on it each point is passed [m].
 
     Parameters
@@ -285,6 +289,8 @@ def walked(waypoints: npt.ArrayLike, body: ActorBody, name: str) -> tuple[Smooth
     body : ActorBody
     name : str
         For error messages.
+    ground : callable or None
+        Heights (M,) [m] of the ground at places (M, 2) [m]; None: straight between those of the waypoints.
 
     Raises
     ------
@@ -298,7 +304,7 @@ def walked(waypoints: npt.ArrayLike, body: ActorBody, name: str) -> tuple[Smooth
     by 0.16 h :math:`|u_2 - u_1|`, 0.22 m at a right angle.
     """
     points = _checked(waypoints, name)
-    fresh = _fresh(points, name)
+    fresh = fresh_points(points, name)
     kept = points[fresh]
     steps = np.diff(kept, axis=0)
     legs = np.linalg.norm(steps, axis=1)
@@ -314,6 +320,7 @@ def walked(waypoints: npt.ArrayLike, body: ActorBody, name: str) -> tuple[Smooth
         straight[near] += gone[:, None] * (units[index] - units[index - 1])
     margin = (body.length + 1.0, body.length + 1.0)
     path = SmoothPath(straight, min(_CORNER_KNOTS, float(corners[-1])), margin)
+    path = path if ground is None else path.on_ground(ground)
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(straight, axis=0), axis=1))])
     ways = path.way_of(np.interp(corners, close, chord))[np.cumsum(fresh) - 1]
     return path, ways + body.rear_axle
@@ -326,7 +333,7 @@ def _checked(waypoints: npt.ArrayLike, name: str) -> Array:
     return points
 
 
-def _fresh(points: Array, name: str) -> npt.NDArray[np.bool_]:
+def fresh_points(points: Array, name: str) -> npt.NDArray[np.bool_]:
     """Return which of the points (N, 3) are not those before them."""
     fresh = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3])
     if fresh.sum() < 2:
