@@ -2,6 +2,7 @@
 
     python benchmarks/jumps.py 0:6                      six frames of the ready scenes, a line of JSON each
     python benchmarks/jumps.py 0:6 --budget 1000000     with that many tubes; unlimited unless said
+    python benchmarks/jumps.py 0:6 --reach 15           of what is within 15 m, in place of 30
     python benchmarks/jumps.py --write docs/accuracy.md     table from the results
 
 The radar moves 1 m ahead in steps of 1 mm, and the scene runs for 1 s in steps of 1 ms. As long as the plan stays, the
@@ -47,6 +48,7 @@ RESULTS = Path("docs/figures/data/jumps.jsonl")
 STEPS, GRID = 1000, 50
 """Steps of 1 mm or 1 ms, and those between two plans of the first search."""
 REACH = 30.0
+"""Of what is within so many metres, unless said."""
 TOLERANCE = 3.0
 PAIRS = 1
 WEIGHT_STEP = 0.02
@@ -125,15 +127,15 @@ def only(plan: ChannelPlan, numbers: list[int]) -> ChannelPlan:
 class Walk:
     """One move of one place: its plans, made when they are asked for."""
 
-    def __init__(self, at: At, budget: int) -> None:
-        self.at, self.budget = at, budget
+    def __init__(self, at: At, budget: int, reach: float) -> None:
+        self.at, self.budget, self.reach = at, budget, reach
         self.plans: dict[int, ChannelPlan] = {}
 
     def plan(self, step: int) -> ChannelPlan:
         """Return the plan after some steps."""
         if step not in self.plans:
             state, mount = self.at(step)
-            knobs = {"channel_tolerance_db": TOLERANCE, "tube_budget": self.budget, "max_distance": REACH}
+            knobs = {"channel_tolerance_db": TOLERANCE, "tube_budget": self.budget, "max_distance": self.reach}
             self.plans[step] = plan_channel(state, RADAR, mount, **knobs)
         return self.plans[step]
 
@@ -161,21 +163,14 @@ class Walk:
         """Return what echoes differ by between the plan before a step and that after it, in the state after it."""
         before, after = self.plan(step - 1), self.plan(step)
         old, new = signature(before), signature(after)
-        state, mount = self.at(step)
         most = moved(before, after)
         changed = sorted(
             number
             for number in new
             if new[number] != old.get(number, ("none", ())) or most.get(number, 0.0) > WEIGHT_STEP
         )
-        both = [
-            echoes(
-                solve_paths(state, RADAR, mount, "hybrid", plan=only(plan, changed), max_distance=REACH, **ANY_COST),
-                changed,
-            )
-            for plan in (before, after)
-        ]
-        table = state.world.instances
+        both = [echoes(self._solved(step, only(plan, changed)), changed) for plan in (before, after)]
+        table = self.at(step)[0].world.instances
         return [
             {
                 "instance": table[number].name,
@@ -212,22 +207,20 @@ class Walk:
 
     def _change(self, step: int, plan: ChannelPlan, numbers: list[int]) -> tuple[dict[int, float], dict[int, float]]:
         """Return by how much each echo rises in one step, and the larger of both levels over the noise [dB]."""
-        before, after = (
-            echoes(solve_paths(*self._problem(place), "hybrid", plan=plan, max_distance=REACH, **ANY_COST), numbers)
-            for place in (step, step + 1)
-        )
+        before, after = (echoes(self._solved(place, plan), numbers) for place in (step, step + 1))
         return {n: after[n] - before[n] for n in numbers}, {n: max(before[n], after[n]) for n in numbers}
 
-    def _problem(self, step: int) -> tuple[WorldState, ss.RadarSpec, Mount]:
+    def _solved(self, step: int, plan: ChannelPlan) -> ss.RadarPaths:
+        """Return the paths of a plan after some steps."""
         state, mount = self.at(step)
-        return state, RADAR, mount
+        return solve_paths(state, RADAR, mount, "hybrid", plan=plan, max_distance=self.reach, **ANY_COST)
 
 
-def solve(seed: int, budget: int) -> dict[str, Any]:
+def solve(seed: int, budget: int, reach: float) -> dict[str, Any]:
     """Return the line of one place."""
-    line: dict[str, Any] = {"seed": seed, "name": street(seed).name, "budget": budget, "moves": {}}
+    line: dict[str, Any] = {"seed": seed, "name": street(seed).name, "budget": budget, "reach": reach, "moves": {}}
     for name, at in moves(seed).items():
-        walk, start = Walk(at, budget), time.process_time()
+        walk, start = Walk(at, budget, reach), time.process_time()
         marks = list(range(0, STEPS, GRID)) + [STEPS]
         steps = {step for low, high in pairwise(marks) for step in walk.changes(low, high)}
         steps |= {step for low, high in pairwise(marks) for step in walk.steepest(low, high)}
@@ -244,12 +237,13 @@ def report(lines: list[dict[str, Any]]) -> str:
     """Return the markdown of the results."""
     seeds = ", ".join(str(line["seed"]) for line in lines)
     text = [
-        f"`python benchmarks/jumps.py SEED:SEED+1`, seeds {seeds}, tolerance {TOLERANCE:g} dB, within {REACH:g} m, "
+        f"`python benchmarks/jumps.py SEED:SEED+1 --reach METRES`, seeds {seeds}, tolerance {TOLERANCE:g} dB, "
         f"{lines[-1]['machine']}.",
         "",
-        "| place | move | changes of plan in 1,000 steps | echoes 10 dB over the noise that they touch | of them above "
-        "0.5 dB | largest jump [dB] | echoes within a plan, largest change in a step [dB] | beyond the reference's |",
-        "|---|---|---|---|---|---|---|---|",
+        "| place | within [m] | move | changes of plan in 1,000 steps | echoes 10 dB over the noise that they touch | "
+        "of them above 0.5 dB | largest jump [dB] | echoes within a plan, largest change in a step [dB] | "
+        "beyond the reference's |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for line in lines:
         for name, move in line["moves"].items():
@@ -259,7 +253,17 @@ def report(lines: list[dict[str, Any]]) -> str:
             within = f"{len(move['within'])}, {max((abs(row['change_db']) for row in move['within']), default=0.0):.2f}"
             more = [abs(row["change_db"]) - abs(row["reference_db"]) for row in move["within"] if "reference_db" in row]
             beyond = f"{max(more):.2f}" if more else ""
-            cells = [line["name"], name, len(move["changes"]), len(jumps), above, largest, within, beyond]
+            cells = [
+                line["name"],
+                f"{line['reach']:g}",
+                name,
+                len(move["changes"]),
+                len(jumps),
+                above,
+                largest,
+                within,
+                beyond,
+            ]
             text.append("| " + " | ".join(map(str, cells)) + " |")
     return "\n".join(text)
 
@@ -270,6 +274,7 @@ def main() -> None:
     parser.add_argument("seeds", nargs="?", default=f"0:{len(PLACES)}", help="first:last, the last not included")
     parser.add_argument("--out", type=Path, default=RESULTS)
     parser.add_argument("--budget", type=int, default=UNLIMITED, help="tubes (default: unlimited)")
+    parser.add_argument("--reach", type=float, default=REACH, help="of what is so near [m]")
     parser.add_argument("--write", type=Path, metavar="PAGE")
     arguments = parser.parse_args()
     if arguments.write is not None:
@@ -278,7 +283,7 @@ def main() -> None:
         return
     warnings.simplefilter("ignore")
     for seed in range(*map(int, arguments.seeds.split(":"))):
-        line = {**solve(seed, arguments.budget), "machine": machine()}
+        line = {**solve(seed, arguments.budget, arguments.reach), "machine": machine()}
         with arguments.out.open("a") as file:
             file.write(json.dumps(line) + "\n")
         print(report([line]).splitlines()[-2:], flush=True)
