@@ -74,6 +74,34 @@ def test_both_senses_are_those_of_the_side_as_a_mirror(tmp_path, body: str, monk
     assert abs(as_traced[1] - mirror[1]) > 4.0
 
 
+def test_facets_send_no_images_of_their_own(tmp_path) -> None:
+    """A ball of 1,280 faces: one facet's flat image was 18 dB stronger than the ball's in the side."""
+    place = (10.6, -0.3, 0.8)
+    turned = trimesh.creation.box(
+        (13.0, 0.2, 3.0), trimesh.transformations.rotation_matrix(np.radians(-7.2), (0, 0, 1))
+    )
+    turned.apply_translation((9.9, 4.5, 0.8))
+    senses_of = {}
+    for name in SIDES:
+        things = [Thing("side", turned, name, "steel"), Thing("body", ball(0.5, place, 3), "Static", "steel")]
+        state = load_scene(write_scene(tmp_path / name, things)).at(0.0)
+        paths = solve_paths(state, RADAR, POSE, "auto", channel_tolerance_db=3.0, max_distance=30.0)
+        chains = ((1, 2), (2, 1))
+        rows = [(paths.depth == 2) & (paths.instance[:, :2] == chain).all(axis=1) for chain in chains]
+        senses_of[name] = [mean_db(paths.select(some)) for some in rows]
+    assert senses_of["Truck"] == pytest.approx(senses_of["Wall"], abs=0.5)
+
+
+def test_a_side_that_ends_before_its_mirror_point_sends_nothing_on(tmp_path) -> None:
+    """Facets of a post did, 7 Fresnel units beyond the end of the side, more than the side itself sends."""
+    far = box((5.0, 0.2, 3.6), (12.5, 4.1, 0.8))
+    things = [Thing("side", far, "Truck", "steel"), Thing("body", post(), "Static", "steel")]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    paths = solve_paths(state, RADAR, POSE, "sbr", sbr=KNOBS, max_distance=30.0)
+    between = (paths.depth == 2) & (paths.instance[:, 0] != paths.instance[:, 1])
+    assert mean_db(paths.select(between)) < -160.0
+
+
 def there_and_back(folder, things, side_class: str, material: str = "steel", pose: Pose = POSE) -> ss.RadarPaths:
     """Return the paths side, body, side: by image theory if the side is a wall."""
     things = [Thing("side", SIDE, side_class, material), *things]

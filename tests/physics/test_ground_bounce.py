@@ -8,9 +8,10 @@ import trimesh
 
 from benchmarks import ground_bounce as problem
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from tests.oracles import two_ray as oracle
-from tests.scenes import Thing, ball, box, write_scene
+from tests.scenes import Thing, ball, box, plane, write_scene
 
 
 def test_the_foot_of_a_post_is_seen_over_the_road(tmp_path) -> None:
@@ -129,3 +130,21 @@ def test_a_wall_ahead_shows_what_stands_before_it_from_behind(tmp_path, yaw_deg:
     away, over = np.linalg.norm([5.0, 1.5, 0.0]), np.linalg.norm([15.0, -1.5, 0.0])
     # physical optics forward of a ball ripples by a decibel
     assert _mixed_db(paths, 2) == pytest.approx(_ball_db(0.3, away, over), abs=2.0)
+
+
+@pytest.mark.parametrize("gap", [0.003, 0.008, 0.0101])
+def test_nothing_comes_out_of_a_body_that_stands_just_over_the_road(tmp_path, gap: float) -> None:
+    """Within the thickness of a marking rays began inside of the box, whose faces made a corner: 4.7 dB too strong."""
+    turn = trimesh.transformations.rotation_matrix(np.radians(20.0), (0.0, 0.0, 1.0))
+    car = trimesh.creation.box(
+        (4.2, 1.8, 1.4), trimesh.transformations.translation_matrix((14.0, 2.0, 0.7 + gap)) @ turn
+    )
+    things = [
+        Thing("road", plane(30.0, 16.0, (12.0, 0.0, 0.0)), "Ground", "grey"),
+        Thing("car", car, "Static", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    radar = problem.ss.RadarSpec(azimuth_fov_deg=120.0, elevation_fov_deg=40.0)
+    paths = solve_paths(state, radar, problem.ss.Pose([0.0, 0.0, 0.6]), "auto", channel_tolerance_db=3.0)
+    assert ((paths.instance == 2).sum(axis=1) <= 1).all()
+    assert (paths.instance == 2).any()

@@ -34,6 +34,11 @@ def test_overlapping_parts(tmp_path, place, expected) -> None:
     assert not seen_overlaps(world.at(0.0), (10.0, 5.0, 0.0)) or expected
 
 
+def test_the_same_body_twice_is_no_overlap(tmp_path) -> None:
+    """Faces with the corners of another scatter once."""
+    assert not overlapping_parts(_world(tmp_path, ("one", plane(1.0, 1.0)), ("other", plane(1.0, 1.0))))
+
+
 def test_two_sides_of_a_sheet_are_no_overlap(tmp_path) -> None:
     front, back = plane(1.0, 1.0, (5, 0, 0), NORMAL), plane(1.0, 1.0, (5, 0, 0), NORMAL)
     back.invert()

@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.rays.face_planes import face_table
-from scarl_sionna.radar.channel.sbr.senses import Kind, decided, flat_widths, kinds_of
+from scarl_sionna.radar.channel.sbr.senses import Kind, flat_widths, kinds_of
 from tests.scenes import Thing, box, plane, write_scene
-
-RADAR = RadarSpec()
 
 
 def test_the_width_of_a_flat_region_is_its_narrow_side(tmp_path) -> None:
@@ -26,21 +23,5 @@ def test_the_width_of_a_flat_region_is_its_narrow_side(tmp_path) -> None:
 def test_clearly_wider_first_faces_of_another_body_serve_both_senses() -> None:
     wide, narrow = np.array([3.0, 0.1, 3.0, 3.0, 0.19]), np.array([0.1, 3.0, 2.0, 0.1, 0.1])
     instance = np.array([(1, 2), (2, 1), (1, 2), (1, 1), (1, 2)])
-    expected = [Kind.REVERSED, Kind.DOUBTFUL, Kind.TRACED, Kind.TRACED, Kind.TRACED]
+    expected = [Kind.REVERSED, Kind.LEFT_OUT, Kind.TRACED, Kind.TRACED, Kind.TRACED]
     assert kinds_of(wide, narrow, instance).tolist() == expected
-
-
-@pytest.mark.parametrize(("level_db", "expected"), [(-2.9, 1.0), (-6.5, 0.5), (-10.1, 0.0)])
-def test_a_sense_that_lacks_a_part_is_not_taken(level_db: float, expected: float) -> None:
-    """Two patches of the reversed sense in phase against one of the other; chains of one sense only stay."""
-    field = 0.5 * 10.0 ** (level_db / 20.0)
-    columns = {
-        "kind": np.array([Kind.TRACED, *[Kind.REVERSED] * 3, Kind.DOUBTFUL, Kind.DOUBTFUL], dtype=np.int8),
-        "instance": np.array([(2, -1), (2, 1), (2, 1), (2, 3), (2, 1), (3, 1)], dtype=np.int32),
-        "depth": np.array([1, 2, 2, 2, 2, 2], dtype=np.int32),
-        "length": np.full(6, 20.0),
-        "a": np.array([9.0, field, field, 1e-3, 1.0, 1e-3])[:, None, None] * np.ones((1, 2, 2), dtype=np.complex128),
-    }
-    found = decided(columns, RADAR)
-    assert found == pytest.approx([1.0, expected, expected, 1.0, 1.0 - expected, 1.0], abs=1e-12)
-    assert not (columns["kind"] == Kind.DOUBTFUL).any()

@@ -29,6 +29,7 @@ from scarl_sionna.radar.channel.compose.auto import _missed, _planned
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
 from scarl_sionna.radar.channel.compose.expected_error import levels_db, reverse_doubts
 from scarl_sionna.radar.channel.compose.verify import _chain, _Work, met
+from scarl_sionna.radar.channel.sbr import senses
 from scarl_sionna.radar.optics.tubes import returning
 from tests.oracles.rcs import TRIHEDRAL_MESH
 from tests.scenes import Thing, ball, box, plane, write_scene
@@ -204,7 +205,10 @@ def test_what_bounces_both_ways_is_as_strong_either_way_and_a_lack_of_one_is_a_d
 
 @pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
 def test_a_ball_seen_in_a_sign_is_found_by_its_reverse_and_computed_finer(tmp_path, monkeypatch) -> None:
-    """With patches of 3 rad and as few rays as were asked before whether a tube comes back, parts of it are missed."""
+    """With patches of 3 rad and as few rays as were asked before whether a tube comes back, parts of it are missed.
+
+    Both senses as they are traced, as faces that are alike have them.
+    """
     things = [
         Thing("corner", plane(0.921, 0.809, (22.487, 1.805, 1.255), (-0.946, -0.262, -0.034)), "TrafficSign", "steel"),
         Thing("van", ball(0.372, (10.633, -3.913, 0.365), 5), "Static", "steel"),
@@ -214,6 +218,7 @@ def test_a_ball_seen_in_a_sign_is_found_by_its_reverse_and_computed_finer(tmp_pa
     true = power_db(traced(state, fine), 1)  # 0.16 dB above that of five bounces
     assert abs(power_db(solved(state, channel_tolerance_db=3.0, refine_share=0.0), 1) - true) < 1.3
     monkeypatch.setattr(returning, "FINER", 1.0)
+    monkeypatch.setattr(senses, "WIDER", np.inf)
     coarse = LEVELS[3.0].with_(max_phase=3.0, integration_phase=0.2, return_angle=0.8, sheet_share=0.15)
     levels = tuple(coarse if level is LEVELS[3.0] else level for level in LEVELS.values())
     rules = {"levels": levels, "errors": {"doubt_share": 1.0, "confidence": 0.95}}

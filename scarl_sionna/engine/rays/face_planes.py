@@ -52,7 +52,7 @@ def face_table(state: WorldState) -> FaceTable:
     world = state.world
     part = world._triangles.part
     if world not in _numbers:
-        _numbers[world] = plane_numbers(world._triangles.normal, world._triangles.offset, part), _repeated(world, part)
+        _numbers[world] = plane_numbers(world._triangles.normal, world._triangles.offset, part), repeated_faces(world)
     plane, repeated = _numbers[world]
     if state._bent:
         bends = np.isin(part, list(state._bent))
@@ -60,12 +60,12 @@ def face_table(state: WorldState) -> FaceTable:
     return FaceTable(state._triangles, part, plane, repeated)
 
 
-def _repeated(world: World, part: Index) -> Flags:
+def repeated_faces(world: World) -> Flags:
     """Return which faces have the corners of an earlier one of the same body."""
     corners = np.round(world._triangles.corners / SAME_PLANE).astype(np.int64)
     order = np.lexsort(np.moveaxis(corners, 2, 0)[::-1], axis=1)
     corners = np.take_along_axis(corners, order[..., None], axis=1)
-    keys = np.column_stack([world.parts.actor[part], corners.reshape(len(corners), 9)])
+    keys = np.column_stack([world.parts.actor[world._triangles.part], corners.reshape(len(corners), 9)])
     order = np.lexsort(keys.T)  # stable: the earliest of equal ones comes first
     repeated = np.zeros(len(keys), dtype=np.bool_)
     repeated[order[1:]] = np.all(np.diff(keys[order], axis=0) == 0, axis=1)

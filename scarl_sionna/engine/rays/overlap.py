@@ -12,6 +12,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
+from .face_planes import repeated_faces
+
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World, WorldState
 
@@ -73,9 +75,11 @@ def _search(world: World) -> dict[tuple[int, int], Array]:
     own = [len(world.actors) + p if name in on_joint else -1 for p, name in enumerate(world.parts.name)]
     body = np.where(np.array(own) < 0, world.parts.actor, own)[part]
     found: dict[tuple[int, int], Array] = {}
+    repeated = repeated_faces(world)  # scatter once
     for shift in (0.0, 0.5):  # two roundings, so that no pair of planes falls on both sides of both
         keys = np.column_stack([body, np.floor(plane / SAME_PLANE + shift).astype(np.int64)])
         order = np.lexsort(keys.T)
+        order = order[~repeated[order]]
         first = np.flatnonzero(np.concatenate([[True], np.any(np.diff(keys[order], axis=0) != 0, axis=1)]))
         parts = part[order]
         mixed = np.minimum.reduceat(parts, first) < np.maximum.reduceat(parts, first)

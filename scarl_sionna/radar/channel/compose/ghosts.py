@@ -43,6 +43,10 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 
+_CROSSINGS = 16
+"""Faces above the underside of a body that are counted at most."""
+
+
 class Image(NamedTuple):
     """An image of the radar."""
 
@@ -383,9 +387,11 @@ def _doubled(mirrors: Sequence[Mirror]) -> set[int]:
 def _owners(state: WorldState, mirrors: Sequence[Mirror], thickness: float) -> npt.NDArray[np.int64]:
     """Return the mirror that each face of a state is part of, or lies on, as a marking does; `NO_MIRROR` if none.
 
-    What lies on several belongs to the nearest, so that nothing is seen over two.
+    What lies on several belongs to the nearest, so that nothing is seen over two. The underside of a closed body lies
+    on none: nothing comes out of the body through it.
     """
     triangles = state._triangles
+    up = np.zeros((len(triangles.corners), 3))
     owner = np.full(len(triangles.corners), NO_MIRROR, dtype=np.int64)
     least = np.full(len(owner), thickness)
     first = np.ascontiguousarray(triangles.corners[:, 0])
@@ -395,6 +401,27 @@ def _owners(state: WorldState, mirrors: Sequence[Mirror], thickness: float) -> n
         near, height = near[height < least[near]], height[height < least[near]]
         over = inside(triangles.corners[near].mean(axis=1), mirror.corners.reshape(-1, 3, 3), mirror.normal)
         owner[near[over]], least[near[over]] = mirror.number, height[over]
+        center = triangles.corners[near[over]].mean(axis=1)
+        up[near[over]] = np.sign(mirror.height(center))[:, None] * mirror.normal
+    on = np.flatnonzero(owner != NO_MIRROR)
+    owner[on[_undersides(state, on, up[on])]] = NO_MIRROR
     for mirror in mirrors:
         owner[mirror.faces] = mirror.number
     return owner
+
+
+def _undersides(state: WorldState, face: npt.NDArray[np.int64], up: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    """Return which faces have the inside of their own part on the side of a direction: it is left an odd time there.
+
+    Of directions of no length none has.
+    """
+    triangles, found = state._triangles, np.zeros(len(face), dtype=np.bool_)
+    start, rows = triangles.corners[face].mean(axis=1), np.flatnonzero(up.any(axis=1))
+    for _ in range(_CROSSINGS):
+        if not len(rows):
+            return found
+        hits = state.cast(start[rows] + COINCIDENT * up[rows], up[rows])
+        met = rows[hits.ray]
+        found[met] ^= hits.part == triangles.part[face[met]]
+        start[met], rows = hits.point, met
+    return found

@@ -17,9 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.arrays.rows import row_norm
-from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.rays.face_planes import FaceTable
-from scarl_sionna.radar.channel.band_mean import mean_over_band
 
 Array = npt.NDArray[np.float64]
 Columns = dict[str, npt.NDArray[Any]]
@@ -27,10 +25,6 @@ Columns = dict[str, npt.NDArray[Any]]
 WIDER = 2.0
 """Faces whose widths differ by less than this factor are alike: each sense is taken as it was traced. docs/sbr.md,
 bounces between bodies."""
-MISSED_DB, ENOUGH_DB = -10.0, -3.0
-"""The sense that ends at the narrower face is the better one. Where it is this much weaker than the other
-tubes on the wide face have missed the narrow one, and the other sense is taken; between the two numbers both are, with
-weights, so that nothing jumps when things move."""
 
 
 class Kind(IntEnum):
@@ -45,8 +39,9 @@ class Kind(IntEnum):
     """What a rough surface scatters, with a random phase."""
     ROUGH_REVERSED = 4
     ROUGH_SAME_WAY = 5
-    DOUBTFUL = 6
-    """Traced, but it ends at a face that is wider than the first: taken where there is no reversed row for it."""
+    LEFT_OUT = 6
+    """Traced, but it ends at a face that is wider than the first: the reverse of what tubes on that face find stands
+    for it."""
 
 
 ROUGH_KINDS = Kind.ROUGH, Kind.ROUGH_REVERSED, Kind.ROUGH_SAME_WAY
@@ -82,7 +77,7 @@ def kinds_of(first: Array, last: Array, instance: npt.NDArray[np.integer[Any]]) 
     between = instance[:, 0] != instance[:, -1]
     found = np.full(len(first), Kind.TRACED, dtype=np.int8)
     found[between & (first > WIDER * last)] = Kind.REVERSED
-    found[between & (last > WIDER * first)] = Kind.DOUBTFUL
+    found[between & (last > WIDER * first)] = Kind.LEFT_OUT
     return found
 
 
@@ -148,34 +143,3 @@ def scattering_bounce(columns: Columns) -> npt.NDArray[np.int64]:
     is_reversed = np.isin(kind, (Kind.REVERSED, Kind.ROUGH_REVERSED))
     in_the_middle = np.isin(kind, (Kind.SAME_WAY, Kind.ROUGH_SAME_WAY))
     return np.select([is_reversed, in_the_middle], [0, depth // 2], depth - 1)
-
-
-def decided(columns: Columns, radar: RadarSpec) -> Array:
-    """Return the weight of each row, shape (n,): of a chain of instances reversed rows or doubtful ones count.
-
-    Reversed rows do, unless they lack most of what the doubtful ones have, see `MISSED_DB`. `kind` of the latter
-    becomes that of traced rows.
-
-    Parameters
-    ----------
-    columns : dict
-        Of all rows.
-    radar : RadarSpec
-        Over whose band powers are compared.
-    """
-    kind = columns["kind"]
-    rows = np.flatnonzero(np.isin(kind, (Kind.REVERSED, Kind.DOUBTFUL)))
-    weight = np.ones(len(kind))
-    if not len(rows):
-        return weight
-    chain = np.column_stack([columns["instance"][rows], columns["depth"][rows]])
-    chains, place = np.unique(chain, axis=0, return_inverse=True)
-    is_doubtful = kind[rows] == Kind.DOUBTFUL
-    field, length = columns["a"][rows, 0, 0], columns["length"][rows]
-    power = mean_over_band(field, length, 2 * place.ravel() + is_doubtful, radar)
-    power = np.append(power, np.zeros(2 * len(chains) - len(power))).reshape(-1, 2)
-    reversed_db, doubtful_db = 10.0 * np.log10(np.maximum(power, 1e-300)).T
-    of_reversed = np.clip((reversed_db - doubtful_db - MISSED_DB) / (ENOUGH_DB - MISSED_DB), 0.0, 1.0)
-    weight[rows] = np.where(is_doubtful, 1.0 - of_reversed[place.ravel()], of_reversed[place.ravel()])
-    kind[rows[is_doubtful]] = Kind.TRACED
-    return weight

@@ -35,8 +35,8 @@ from .bodies import Bodies
 from .cost import Work, affordable, check_memory, with_knobs
 from .diffuse import rough_pieces, scattered_rows
 from .edge_rows import with_edges
-from .rows import Columns, above_floor, in_order, joined, received, taken
-from .senses import ROUGH_KINDS, Kind, decided, kinds_of, mirrored_back, reversed_rows, scattering_bounce
+from .rows import Columns, above_floor, in_order, joined, received
+from .senses import ROUGH_KINDS, Kind, kinds_of, mirrored_back, reversed_rows, scattering_bounce
 from .tracing import Pair, Shared, shared_tracings
 
 if TYPE_CHECKING:
@@ -338,7 +338,7 @@ class _Solve:
                 columns["kind"] = kinds_of(*ends, columns["instance"])
         triangles = bodies.faces.triangles
         columns = with_edges(columns, patches, near, (triangles.normal, triangles.offset))
-        seen = columns["length"] < 2.0 * bodies.reach
+        seen = (columns["length"] < 2.0 * bodies.reach) & (columns["kind"] != Kind.LEFT_OUT)
         self.blocks[place] = block = {name: column[seen] for name, column in columns.items()}
         self.num_rows += len(block["length"])
         other = np.flatnonzero(block["kind"] == Kind.REVERSED)
@@ -363,10 +363,6 @@ class _Solve:
             pieces = self.rough.pop((depth, same_way))
             blocks += _scattered(pieces, knobs.seed, tx is rx and depth > 1, same_way)
         columns = joined(blocks, knobs.max_depth)
-        if self.has_reverse:
-            weight = decided(columns, bodies.radar)
-            columns["a"] *= weight[:, None, None]
-            columns = taken(columns, weight > 0.0)
         amplitude = received(columns, bodies.radar, tx, rx)
         diagnostics: dict[str, Any] = {
             "method": "sbr",
@@ -378,7 +374,7 @@ class _Solve:
         }
         if tx.window is None and rx.window is None:  # of what the radar itself sees
             _warn_of_coarse_faces(bodies, columns)
-        _warn_of_grazing(bodies, columns["cosine"], amplitude**2)
+            _warn_of_grazing(bodies, columns["cosine"], amplitude**2)
         columns, diagnostics["floor"] = above_floor(columns, amplitude, bodies.radar, knobs.floor_db)
         columns = in_order(columns)
         self.blocks, self.num_rows = [], len(columns["length"])
