@@ -317,12 +317,9 @@ class _Work:
     def _take(self, found: RadarPaths, numbers: Sequence[int], level: SbrLevel) -> None:
         """Take the paths of some objects from a finer solve, with what it says of them."""
         before, result = self.result.paths, self.result
-        other = self._reversed_only(before, found, numbers)
-        twins, ended = self._twins(before, found, numbers)
-        other |= twins
+        other = self._reversed_only(before, found, numbers) | self._twins(before, numbers)
         kept = before.select(~np.isin(owners(before, self.numbers), numbers) | other)
-        # not what ends at them: it is there already
-        own = found.select(np.isin(owners(found, self.numbers), numbers) & ~ended)
+        own = found.select(np.isin(owners(found, self.numbers), numbers))
         diagnostics = dict(before.diagnostics)
         diagnostics["solvers"] = [*diagnostics["solvers"], *found.diagnostics["solvers"]]
         result.paths = RadarPaths.concatenate([kept, own], diagnostics)
@@ -348,21 +345,14 @@ class _Work:
         rows[rows] = ~_among(before.instance[rows], there)
         return rows
 
-    def _twins(
-        self, before: RadarPaths, found: RadarPaths, numbers: Sequence[int]
-    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-        """Return which paths of some objects are the reverse of tubes from others, and which found ones they replace.
+    def _twins(self, before: RadarPaths, numbers: Sequence[int]) -> npt.NDArray[np.bool_]:
+        """Return which paths of some objects are the reverse of tubes from others.
 
         A solve of some objects alone has the tubes from these only, see :mod:`scarl_sionna.radar.channel.sbr.senses`.
         """
         first, last = owners(before, self.numbers), owners(before, self.numbers, last=True)
         twins = (before.depth > 1) & (before.interaction[:, 0] == DIFFUSE)
-        twins &= np.isin(first, numbers) & ~np.isin(last, numbers)
-        rows = np.flatnonzero((found.depth > 1) & ~found.filled("random_phase"))
-        ended = np.zeros(found.num_paths, dtype=np.bool_)
-        if twins.any() and len(rows):
-            ended[rows] = _among(found.instance[rows], before.instance[twins & ~before.filled("random_phase")])
-        return twins, ended
+        return np.asarray(twins & np.isin(first, numbers) & ~np.isin(last, numbers))
 
     def _compare(self, numbers: Sequence[int], levels: Mapping[int, float], errors: Mapping[int, float]) -> None:
         """Bring what the echo of objects differs by into their expected error."""
