@@ -471,6 +471,7 @@ class WorldState(Described):
             Name of the actor, for instance ``world.ego``.
         actor_from_sensor : Pose, optional
             Where it sits: x forward, y left, z up from the actor's origin, on the ground below the middle of a car [m].
+            It rides on the actor, not on what turns on that: of a lorry with a trailer on the tractor (docs/limits.md).
 
         Raises
         ------
