@@ -411,9 +411,9 @@ def _owners(state: WorldState, mirrors: Sequence[Mirror], thickness: float) -> n
 
 
 def _undersides(state: WorldState, face: npt.NDArray[np.int64], up: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-    """Return which faces have the inside of their own part on the side of a direction: it is left an odd time there.
+    """Return which faces have the inside of their own part on the side of a direction.
 
-    Of directions of no length none has.
+    An odd number of its faces is met there before anything else. Of directions of no length none has.
     """
     triangles, found = state._triangles, np.zeros(len(face), dtype=np.bool_)
     start, rows = triangles.corners[face].mean(axis=1), np.flatnonzero(up.any(axis=1))
@@ -421,7 +421,8 @@ def _undersides(state: WorldState, face: npt.NDArray[np.int64], up: npt.NDArray[
         if not len(rows):
             return found
         hits = state.cast(start[rows] + COINCIDENT * up[rows], up[rows])
-        met = rows[hits.ray]
-        found[met] ^= hits.part == triangles.part[face[met]]
-        start[met], rows = hits.point, met
+        own = hits.part == triangles.part[face[rows[hits.ray]]]
+        rows = rows[hits.ray[own]]
+        found[rows] ^= True
+        start[rows] = hits.point[own]
     return found
