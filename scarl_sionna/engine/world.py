@@ -229,7 +229,7 @@ class World(Described):
         document, materials, lighting = self._dry
         staged = World(stage_document(replace(document, lighting=lighting), actors, ego), materials)
         staged = staged if self.weather == Weather() else staged.with_weather(self.weather)
-        return staged.with_changes(self.changes)
+        return staged.with_changes(self.changes).with_names(self._names)
 
     def with_names(self, names: Mapping[str, str]) -> World:
         """Return this world with further names of actors; it shares everything else.
@@ -486,7 +486,7 @@ class WorldState(Described):
         place = Pose() if actor_from_sensor is None else actor_from_sensor
         if not isinstance(place, Pose):
             raise InputTypeError("actor_from_sensor", place, "a Pose", "write ss.Pose([x, y, z])")
-        return Mount(self.actor_pose(actor), self.actor_twist(actor), actor).at(place)
+        return Mount(self.actor_pose(actor), self.actor_twist(actor), self.world.actor(actor).name).at(place)
 
     def as_mount(self, place: Mount | Pose) -> Mount:
         """Return a mount as it is, and a pose as one at rest; warn of a pose that stands on or in a moving actor.

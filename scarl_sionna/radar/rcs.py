@@ -92,7 +92,7 @@ def rcs(
     Warns
     -----
     ScarlWarning
-        If the target is smaller than 3 wavelengths or larger than 200 m, or faces without area were left out.
+        If the target is smaller than 3 wavelengths or larger than 50 m, or faces without area were left out.
 
     Notes
     -----

@@ -255,7 +255,7 @@ def test_an_absent_station_a_full_buffer_and_bad_places(world, monkeypatch) -> N
         observed(SETTINGS.with_(solver=few), position=(60.0, -8.0, 6.0))
     with pytest.warns(ScarlWarning, match="max_num_paths = 1"):
         observed(SETTINGS.with_(solver=few.with_(on_overflow="warn")), position=(60.0, -8.0, 6.0))
-    monkeypatch.setattr("scarl_sionna.radio.sensor.is_present", lambda trajectory, time: False)
+    monkeypatch.setattr("scarl_sionna.engine.world.is_present", lambda trajectory, time: False)
     gone = observed(actor="ahead", position=(0.0, 0.0, 1.7))
     assert gone.diagnostics["absent_stations"] == ["it"] and not gone.valid.any() and not gone.cfr.any()
 

@@ -7,6 +7,7 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.signal.front_end.echoes import echo_transfer, noise_left
 
 FILTERS = ss.IfFilter(high_pass=(175e3, 350e3), low_pass=10e6)
 BOARD = ss.RadarSpec.preset("iwr1843boost").with_(num_chirps=32, phase_noise=None)
@@ -46,6 +47,23 @@ def test_rcs_and_labels_know_the_filters(radar, distance, velocity):
 def test_the_ratio_to_the_noise_is_what_it_is_without_filters():
     """They weaken the thermal noise beside an echo as they weaken it."""
     assert strongest(BOARD, 3.0)[2] == pytest.approx(strongest(BOARD, 3.0, filters=None)[2], abs=0.5)
+
+
+@pytest.mark.parametrize("radar", [PMCW, ss.RadarSpec.preset("pmcw_79ghz").with_(filters=ss.IfFilter(low_pass=300e6))])
+def test_symbols_lose_more_of_an_echo_than_of_the_noise(radar):
+    """An echo adds its tones up, the noise their powers; against the floor of a map without a target."""
+    radar = radar.with_(num_chirps=32)
+    paths = ss.point_targets([[12.0, 0.3, 0.0]], [[0.0, 0.0, 0.0]], 1e-12, radar, Pose())
+    floor = []
+    for one in (radar, radar.with_(filters=None)):
+        cube = ss.virtual_cube(ss.synthesize(paths, one, np.random.default_rng(0)), one)
+        floor.append(float(ss.range_doppler(cube, one).power.mean()))
+    beat = np.zeros(1)
+    assert noise_left(radar, beat)[0] == pytest.approx(floor[0] / floor[1], rel=0.05)
+    echo = np.abs(echo_transfer(radar, beat)[0]) ** 2
+    assert echo < 0.95 * noise_left(radar, beat)[0]
+    change = 10.0 * np.log10(echo / noise_left(radar, beat)[0])
+    assert strongest(radar, 12.0)[2] - strongest(radar, 12.0, filters=None)[2] == pytest.approx(change, abs=0.5)
 
 
 def test_labels_know_the_channels_and_rcs_does_not():

@@ -150,8 +150,9 @@ def warn_of_band(state: WorldState, radar: RadarSpec, levels: WarningLevels) -> 
     Returns
     -------
     float
-        Largest difference of a layer's reflection in the band from that in the middle, at normal incidence, relative to
-        its root mean square over the band. Frequencies without data do not count.
+        Largest difference of a layer's reflection in the band from that of the paths (the middle of the band of one
+        ramp), at normal incidence, relative to its root mean square over the band. Frequencies without data do not
+        count.
     """
     low, high = band_of(radar)
     if high - low <= WIDE:
@@ -161,7 +162,7 @@ def warn_of_band(state: WorldState, radar: RadarSpec, levels: WarningLevels) -> 
     for material in {name: state.world.materials[name] for name in state.world.parts.material}.values():
         if material.thickness is None or not material.covers(middle):
             continue
-        known = [float(frequency) for frequency in frequencies if material.covers(float(frequency))]
+        known = [float(frequency) for frequency in frequencies if material.covers(float(frequency))] or [middle]
         own, *over = (complex(reflection(material, frequency, 1.0)[0]) for frequency in (middle, *known))
         mean = max(float(np.mean(np.abs(over) ** 2)), 1e-24)
         change = float(np.abs(np.array(over) - own).max() / np.sqrt(mean))
@@ -171,9 +172,9 @@ def warn_of_band(state: WorldState, radar: RadarSpec, levels: WarningLevels) -> 
             power = f"{10.0 * np.log10(max(abs(own) ** 2, 1e-24) / mean):+.1f} dB"
     if worst > levels.band_change:
         warnings.warn(
-            f"over the band of {(high - low) / 1e9:.3g} GHz the reflection of {said} from that in the middle, which "
-            f"paths have for all of it: the mean power of such an echo is off by {power}, and it has the shape over "
-            "range of a single surface. Set num_band_frequencies=3 or more",
+            f"over the band of {(high - low) / 1e9:.3g} GHz the reflection of {said} from that at "
+            f"{middle / 1e9:.4g} GHz, which paths have for all of it: the mean power of such an echo is off by "
+            f"{power}, and it has the shape over range of a single surface. Set num_band_frequencies=3 or more",
             ScarlWarning,
             stacklevel=3,
         )

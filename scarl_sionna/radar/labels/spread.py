@@ -184,21 +184,25 @@ class PathCells:
 
     def put_middle(self, out: _FieldsT) -> _FieldsT:
         """Fill the fields of all paths at mid-frame [sqrt(W)] into an array (num_paths, num_virtual), and return it."""
-        grid, radar = FrameGrid(self.radar), self.radar
+        radar = self.radar
         for block in in_blocks(len(self.kept), _PATHS_PER_BLOCK):
             pairs = PairTerms.of(self.paths.select(block), radar)
-            if pairs.is_linear:
-                self._put_linear(pairs, self.loss[block], out[block])
-            for tx in range(0 if pairs.is_linear else radar.num_tx):
-                for rx in range(radar.num_rx):
-                    terms = delay_terms(*pairs.start(tx, rx))
-                    middle = terms[0] + grid.center_time(tx) * terms[1]
-                    cycles = grid.expand(*terms, tx)[0] + self._removed(middle) + radar.tx_frequency(tx) * middle
-                    amplitude = pairs.geometry.pair_amplitude(tx, rx) * pairs.growth(tx, rx, grid.center_time(tx))
-                    out[block, tx * radar.num_rx + rx] = amplitude * self.loss[block] * phasor(cycles)
+            put = self._put_linear if pairs.is_linear else self._put_bent
+            put(pairs, self.loss[block], out[block])
             if radar.front_end.channels is not None:
                 out[block] = through_channels(out[block], radar.front_end.channels, radar.num_tx)
         return out
+
+    def _put_bent(self, pairs: PairTerms, loss: Complex, out: npt.NDArray[np.complexfloating]) -> None:
+        """Fill the fields of paths of any motion."""
+        grid, radar = FrameGrid(self.radar), self.radar
+        for tx in range(radar.num_tx):
+            for rx in range(radar.num_rx):
+                terms = delay_terms(*pairs.start(tx, rx))
+                middle = terms[0] + grid.center_time(tx) * terms[1]
+                cycles = grid.expand(*terms, tx)[0] + self._removed(middle) + radar.tx_frequency(tx) * middle
+                amplitude = pairs.geometry.pair_amplitude(tx, rx) * pairs.growth(tx, rx, grid.center_time(tx))
+                out[:, tx * radar.num_rx + rx] = amplitude * loss * phasor(cycles)
 
     def _put_linear(self, pairs: PairTerms, loss: Complex, out: npt.NDArray[np.complexfloating]) -> None:
         """Fill the fields of paths whose every pair has a rate and nothing else: the same, in a third of the time."""

@@ -15,7 +15,7 @@ from scarl_sionna.core.units import power_to_db
 from ..angle import RangeDopplerAngle, directions
 from ..direction.manifold import Manifold
 from ..direction.several import Directions, Method, check_method, pursue
-from ..front_end.echoes import beat_frequency, echo_transfer
+from ..front_end.echoes import beat_frequency, echo_transfer, noise_left
 from ..noise import floor_of
 from ..processing import RangeDoppler, uncompensated
 from .ambiguity import unfolded
@@ -207,7 +207,8 @@ def _table(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, sines: Array,
     unit, distance = directions(azimuth, elevation), cells.distance
     beat = beat_frequency(radar, distance, cells.radial_velocity)
     left = np.abs(echo_transfer(radar, beat, rda.channels.window[0])) ** 2
-    noise = rda.noise_power * np.maximum(left, 10.0 ** (-DEAF_DB / 10.0))
+    beside = noise_left(radar, beat, rda.channels.window[0])
+    noise = rda.noise_power * np.maximum(beside, 10.0 ** (-DEAF_DB / 10.0))
     table = {
         "position": unit * distance[:, None],
         "range": distance,

@@ -54,7 +54,7 @@ class RadarPoints(
         cell have the same one. None for points that are of no map.
     velocity_interval : ndarray of float64, shape (num_points,), or None
         Interval that the radial velocity is known modulo [m/s]: that of the map, or the wider one of time division and
-        of staggered chirps where the point tells which it is. None for points that are of no map.
+        of staggered chirps where the point tells which it is. None where it is not known, as of closed radars.
     """
 
     position: Array

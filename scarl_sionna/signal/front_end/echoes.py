@@ -8,11 +8,11 @@ import scipy.fft
 
 from scarl_sionna.core.specs.radar.impairments import ChannelErrors
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
+from scarl_sionna.core.specs.radar.waveforms.coded import Coded, is_coded
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from ..processing import coupling
-from ..receivers import response_weights
+from ..receivers import noise_weights, response_weights
 from .channels import rx_matrix, tx_matrix
 from .filters import sampled_transfer, transfer
 
@@ -72,6 +72,28 @@ def echo_transfer(radar: RadarSpec, beat: Array, window: str | None = "hann") ->
     return np.full(np.shape(beat), np.abs(_over_delay(radar, window)).max(), dtype=np.complex128)
 
 
+def noise_left(radar: RadarSpec, beat: Array, window: str | None = "hann") -> Array:
+    """Return the power that the filters leave of the noise beside echoes in a map, shape of `beat`; 1 without filters.
+
+    Parameters
+    ----------
+    radar, beat, window
+        As of :func:`echo_transfer`.
+
+    Notes
+    -----
+    Of ramps it is as much as of the echo. Of symbols it is the same in every range bin, since each takes all of the
+    band: the mean of ``abs(H)**2`` with the squares of the receiver's weights.
+    """
+    waveform, filters = radar.waveform_of(0), radar.front_end.filters
+    if not is_coded(radar.waveform):
+        return np.asarray(np.abs(sampled_transfer(radar, beat)) ** 2)
+    if filters is None or not is_coded(waveform):
+        return np.ones(np.shape(beat))
+    kept = np.abs(transfer(filters, _tones(waveform))) ** 2
+    return np.full(np.shape(beat), np.average(kept, weights=noise_weights(radar, window)))
+
+
 def filter_delay(radar: RadarSpec, window: str | None = "hann") -> float:
     """Return by how much the filters delay the response over range of symbols [s]; 0 for ramps.
 
@@ -92,13 +114,17 @@ def filter_delay(radar: RadarSpec, window: str | None = "hann") -> float:
     return (later - round(later)) / (step * waveform.spacing)
 
 
+def _tones(waveform: Coded) -> Array:
+    """Return the frequencies of the tones that a receiver of symbols uses, about the carrier [Hz]."""
+    return np.asarray((waveform.used - waveform.num_samples // 2) * waveform.spacing, dtype=np.float64)
+
+
 def _over_delay(radar: RadarSpec, window: str | None) -> Complex:
     """Return the response over delay of symbols behind the filters, over a period of the tones' step."""
     waveform, filters = radar.waveform_of(0), radar.front_end.filters
     lines = np.asarray(response_weights(radar, window), dtype=np.complex128)
     if filters is not None and is_coded(waveform):
-        tones = np.asarray(waveform.used - waveform.num_samples // 2, dtype=np.float64) * waveform.spacing
-        lines *= transfer(filters, tones)
+        lines *= transfer(filters, _tones(waveform))
     return np.asarray(scipy.fft.ifft(lines, _FINER * len(lines), norm="forward"))
 
 

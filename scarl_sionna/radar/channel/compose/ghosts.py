@@ -387,7 +387,7 @@ def _doubled(mirrors: Sequence[Mirror]) -> set[int]:
 def _owners(state: WorldState, mirrors: Sequence[Mirror], thickness: float) -> npt.NDArray[np.int64]:
     """Return the mirror that each face of a state is part of, or lies on, as a marking does; `NO_MIRROR` if none.
 
-    What lies on several belongs to the nearest, so that nothing is seen over two. The underside of a closed body lies
+    What lies on several belongs to the nearest, so that nothing is seen over two. The underside of a closed part lies
     on none: nothing comes out of the body through it.
     """
     triangles = state._triangles
@@ -403,6 +403,8 @@ def _owners(state: WorldState, mirrors: Sequence[Mirror], thickness: float) -> n
         owner[near[over]], least[near[over]] = mirror.number, height[over]
         center = triangles.corners[near[over]].mean(axis=1)
         up[near[over]] = np.sign(mirror.height(center))[:, None] * mirror.normal
+    for mirror in mirrors:
+        up[mirror.faces] = 0.0
     on = np.flatnonzero(owner != NO_MIRROR)
     owner[on[_undersides(state, on, up[on])]] = NO_MIRROR
     for mirror in mirrors:

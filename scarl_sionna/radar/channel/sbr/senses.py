@@ -1,4 +1,4 @@
-"""Bounces between bodies as they are right for a narrow one: at the end of a chain, whatever the chain.
+"""Which sense of a chain of bounces between bodies counts: that in which the narrower face scatters.
 
 A tube that goes on from a face carries a beam as wide as its footprint, as a mirror would send it on. That is right for
 faces that are large against the Fresnel zone. A small face, or one of many that stand for a curve, spreads the wave,

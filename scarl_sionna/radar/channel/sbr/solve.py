@@ -106,7 +106,8 @@ def solve_sbr(
     flat faces it hears the narrow one at its own image, the scatterer in the middle of the chain.
 
     *Not modelled*: edge diffraction (but with `edge_diffraction` that of single edges which both ends see), creeping
-    waves, what passes through a dielectric between two bounces, diffuse scattering between mirrors and, for a bistatic
+    waves, what passes through a dielectric between two bounces, diffuse scattering between mirrors, by the last side of
+    what is heard there and back and, for a bistatic
     pair, before them, the direct path of such a pair, the acceleration of bodies themselves (turning ones, wheels:
     :func:`scarl_sionna.synthesize_blocks`).
     *Convergence and validity*: docs/sbr.md.
