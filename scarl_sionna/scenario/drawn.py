@@ -73,9 +73,9 @@ def _minutes(hours: tuple[float, ...]) -> tuple[int, int]:
 
 
 def _days(span: tuple[int, ...]) -> list[int]:
-    """Return the days of a span; both ends belong to it, and it may pass the new year."""
+    """Return the days of a span; both ends belong to it, day 366 too, and it may pass the new year."""
     first, last = span
-    return [*range(first, last + 1)] if first <= last else [*range(first, _YEAR + 1), *range(1, last + 1)]
+    return [*range(first, last + 1)] if first <= last else [*range(first, max(first, _YEAR) + 1), *range(1, last + 1)]
 
 
 def _values(chosen: WeatherDraw, seed: int) -> dict[str, float]:

@@ -122,6 +122,8 @@ def test_ranges_move_no_other_draw() -> None:
 def test_days_through_the_new_year() -> None:
     days = {drawn(spec(seed, hour=[12, 12], day_of_year=[363, 2]))[1]["day_of_year"] for seed in range(100)}
     assert days == {363, 364, 365, 1, 2}
+    days = {drawn(spec(seed, hour=[12, 12], day_of_year=[366, 2]))[1]["day_of_year"] for seed in range(100)}
+    assert days == {366, 1, 2}
 
 
 def test_the_sun_of_a_drawn_hour_is_that_of_the_place() -> None:

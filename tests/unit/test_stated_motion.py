@@ -82,3 +82,25 @@ def test_floating_car_data_in_degrees_are_refused(tmp_path: Path) -> None:
     path.write_text("<fcd-export>" + "".join(map(step, np.arange(0.0, 10.0, 0.5))) + "</fcd-export>")
     with pytest.raises(TrajectoryFileError, match="says 10 m/s in the median, positions and times make 0.000135 m/s"):
         read_fcd(path)
+
+
+def test_tracks_whose_times_repeat_are_not_compared(tmp_path: Path) -> None:
+    """They are left out later on; the one beside them is read."""
+
+    def step(time: float, again: float) -> str:
+        rows = [("v", 10.0 * time, 10.0), *[("r", shift + 10.0 * time, 10.0) for shift in (0.0, again)]]
+        return (
+            f'<timestep time="{time:.2f}">'
+            + "".join(
+                f'<vehicle id="{name}" x="{x:.2f}" y="0" angle="90" type="t" speed="{speed}"/>'
+                for name, x, speed in rows
+            )
+            + "</timestep>"
+        )
+
+    path = tmp_path / "twice.fcd.xml"
+    path.write_text("<fcd-export>" + "".join(step(time, 3.0) for time in np.arange(0.0, 3.0, 0.5)) + "</fcd-export>")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert [actor.name for actor in read_fcd(path)] == ["v"]
+    assert [one.category for one in caught] == [ScarlWarning] and "'r' is left out" in str(caught[0].message)

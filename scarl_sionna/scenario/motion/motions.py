@@ -49,7 +49,7 @@ from scarl_sionna.scene.motion.trajectory import (
 )
 
 from .bodies import ActorBody
-from .ground import GroundLine, distinct
+from .ground import GroundLine, shifted_way
 from .on_foot import GAIT
 from .parking import Manoeuvre, park
 from .paths import PathTrajectory
@@ -254,11 +254,12 @@ def _waypoints(spec: WaypointsSpec, name: str, body: ActorBody, setting: Setting
     step = next((part for part in np.diff(points[:, :2], axis=0) if np.linalg.norm(part) > 1e-3), np.array([1.0, 0.0]))
     span, ground = (setting.start, setting.last + MARGIN), None if spec.ground is None else GroundLine(spec.ground)
     shift = _shifted(jitter, float(np.arctan2(step[1], step[0])))
-    if np.any(shift):  # on the ground of the stated way, which has kerbs where it has them
-        stated = GroundLine(distinct(points)) if ground is None else ground
+    if np.any(shift) and ground is not None:
         points = points + shift
-        points[:, 2] = stated(points[:, :2])
-        ground = stated if is_on_foot(body) else ground
+        points[:, 2] = ground(points[:, :2])
+    elif np.any(shift):  # on the ground of the stated way, which has kerbs where it has them
+        points, stated = shifted_way(points, shift)
+        ground = stated if is_on_foot(body) else None
     return through(spec, points, body, span, name, ground)
 
 

@@ -14,7 +14,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from .bodies import ActorBody
 from .paths import PathTrajectory, quintic_step
 from .profiles import SpeedProfile, smooth_way
-from .routes import Ground, fresh_points, timed_along, walked
+from .routes import Ground, fresh_points, rising_times, timed_along, walked
 
 Array = npt.NDArray[np.float64]
 
@@ -23,7 +23,9 @@ GAIT = (1.5, 4.0)
 BACK = float(np.radians(100.0))
 """Change of the direction from which on people stop and turn on the spot."""
 TURNING = float(np.radians(90.0))
-"""Rate at which they turn there, on average [rad/s], 1.9 times that at the most: half a turn takes 2 s. An estimate."""
+"""Rate at which they turn there, on average [rad/s], 1.9 times that at the most: half a turn takes 2 s. An estimate.
+Faster where stated times leave less: on each side of its point a turn takes at most half of the time of the step there,
+a quarter where that step has a turn at both ends."""
 _LEAST = 1e-3
 
 
@@ -99,10 +101,14 @@ def legs_of(points: Array, name: str) -> list[tuple[int, int]]:
     """Return first and last of the points (N, 3) of each way between two turns back by more than `BACK`.
 
     Points that repeat there, which are a stand, belong to none: a way ends at the first and the next begins at the
-    last of them.
+    last of them. Who only goes up or down keeps the direction of before.
     """
     kept = np.flatnonzero(fresh_points(points, name))
     steps = np.diff(points[kept, :2], axis=0)
+    level = np.flatnonzero(np.linalg.norm(steps, axis=1) > _LEAST)
+    if level.size == 0:
+        return [(0, len(points) - 1)]
+    steps = steps[level[np.maximum(np.searchsorted(level, np.arange(len(steps)), "right") - 1, 0)]]
     headings = np.arctan2(steps[:, 1], steps[:, 0])
     turned = np.abs((np.diff(headings) + np.pi) % (2.0 * np.pi) - np.pi)
     legs, first = [], 0
@@ -117,22 +123,27 @@ def timed_walk(
 ) -> PathTrajectory | Walk:
     """Return the motion of somebody who passes points (N, 3) [m] at times (N,) [s].
 
-    Who turns back stops for it, half of the time before and half of it after the point's time, or while standing there.
+    Who turns back stops for it, half of the time before and half of it after the point's time, or while standing there;
+    for each half at most half of the time of the step there, a quarter of a step with turns at both ends.
 
     Raises
     ------
     ParameterRangeError
         If shapes disagree, or times do not rise.
     """
+    time = rising_times(times, len(points), name)
     legs = legs_of(points, name)
     if len(legs) == 1:
         path, ways = walked(points, body, name, ground)
-        return timed_along(path, ways, times, body, name)
-    time = np.asarray(times, dtype=np.float64)
+        return timed_along(path, ways, time, body, name)
+    shares = [0.25 if last == first + 1 and 0 < leg < len(legs) - 1 else 0.5 for leg, (first, last) in enumerate(legs)]
     spans = [[time[first], time[last]] for first, last in legs]
     for before, after in pairwise(range(len(legs))):
         arrival, departure = legs[before][1], legs[after][0]
-        room = 0.5 * min(time[arrival] - time[arrival - 1], time[departure + 1] - time[departure])
+        room = min(
+            shares[before] * (time[arrival] - time[arrival - 1]),
+            shares[after] * (time[departure + 1] - time[departure]),
+        )
         lacks = max(np.pi / TURNING - (time[departure] - time[arrival]), 0.0)
         spans[before][1] -= min(0.5 * lacks, room)
         spans[after][0] += min(0.5 * lacks, room)
@@ -159,7 +170,8 @@ def paced_walk(
     points : ndarray of float64, shape (N, 3)
         [m]
     profile : SpeedProfile
-        Speed from `start` on; after a turn on the spot its last one again.
+        Speed from `start` on; after a turn on the spot its last one again. Less from a stand where a way is too short
+        for it, see `stopping`.
     start, stop : float
         Times at which the motion shall be known [s].
     walker : (ActorBody, str, callable or None)
@@ -168,7 +180,7 @@ def paced_walk(
     Raises
     ------
     ParameterRangeError
-        If a way is too short to stop on it.
+        If the first way is too short to stop on it from the speed at `start`.
     """
     body, name, ground = walker
     legs, speed = legs_of(points, name), profile.final_speed
@@ -180,13 +192,27 @@ def paced_walk(
             ahead = path.at(float(ways[0]), 1)
             heading = pieces[-1].pose(start).yaw
             start += abs(_turn(heading, float(np.arctan2(ahead[1], ahead[0])))) / TURNING
-            profile = SpeedProfile(0.0).reach(_reachable(speed, total), *GAIT)
-        profile = profile.stop_at(total, *GAIT)
+            profile = SpeedProfile(0.0).reach(speed, *GAIT)
+        profile = stopping(profile, total)
         known = profile.duration if last < len(points) - 1 else max(stop - start, _LEAST)
         way = profile.way(known, start, float(ways[0]))
         pieces.append(PathTrajectory(path, way, body, start, start + known, name))
         start += known
     return joined(pieces, name)
+
+
+def stopping(profile: SpeedProfile, way: float) -> SpeedProfile:
+    """Return a profile that ends at rest after a way [m]; from a stand it gets only as fast as there is way for.
+
+    Raises
+    ------
+    ParameterRangeError
+        If it does not begin at rest, and the way is too short to stop on it.
+    """
+    if profile.initial == 0.0:
+        wait = sum(duration for duration, jerk in profile.pieces[:1] if jerk == 0.0)
+        profile = SpeedProfile(0.0).hold(wait).reach(_reachable(profile.final_speed, way), *GAIT)
+    return profile.stop_at(way, *GAIT)
 
 
 def joined(pieces: list[PathTrajectory], name: str) -> PathTrajectory | Walk:

@@ -246,15 +246,27 @@ def timed_along(path: SmoothPath, ways: Array, times: npt.ArrayLike, body: Actor
     ParameterRangeError
         If shapes disagree, or times do not rise.
     """
-    time = np.asarray(times, dtype=np.float64)
-    if time.shape != ways.shape or not np.all(np.diff(time) > 0.0):
-        raise ParameterRangeError(f"{name}.times", f"shape {time.shape}", f"{len(ways)} strictly rising times [s]")
+    time = rising_times(times, len(ways), name)
     way: PPoly = (
         constant_way(float((ways[-1] - ways[0]) / (time[1] - time[0])), float(time[0]), float(time[1]), float(ways[0]))
         if len(time) == 2
         else smooth_way(time, ways)
     )
     return PathTrajectory(path, way, body, name=name)
+
+
+def rising_times(times: npt.ArrayLike, count: int, name: str) -> Array:
+    """Return times (N,) [s] of as many points as there are.
+
+    Raises
+    ------
+    ParameterRangeError
+        If there are more or fewer, or they do not rise.
+    """
+    time = np.asarray(times, dtype=np.float64)
+    if time.shape != (count,) or not np.all(np.diff(time) > 0.0):
+        raise ParameterRangeError(f"{name}.times", f"shape {time.shape}", f"{count} strictly rising times [s]")
+    return time
 
 
 def _through(

@@ -61,9 +61,10 @@ def check_stated(path: Path, tracks: Sequence[StatedTrack], speed: str = "speed"
 
     Notes
     -----
-    By definition: medians over the steps of all actors, so that single errors and jumps of a file do not count.
+    By definition: medians over the steps of all actors, so that single errors and jumps of a file do not count. Tracks
+    whose times do not rise strictly are not compared.
     """
-    steps = [_steps(track) for track in tracks if len(track.times) > 1]
+    steps = [_steps(track) for track in tracks if len(track.times) > 1 and np.all(np.diff(track.times) > 0.0)]
     if not steps:
         return
     taken, gone, stated, course, headed = (np.concatenate(part) for part in zip(*steps, strict=True))

@@ -11,7 +11,7 @@ from scarl_sionna.scenario.spec.motion import WaypointsSpec
 from scarl_sionna.scene.motion.trajectory import Trajectory, WaypointTrajectory
 
 from .bodies import ActorBody
-from .on_foot import GAIT, paced_walk, timed_walk
+from .on_foot import GAIT, paced_walk, stopping, timed_walk
 from .paths import PathTrajectory, SmoothPath
 from .profiles import SpeedProfile
 from .routes import Ground, smoothing_of, timed_trajectory
@@ -109,7 +109,7 @@ def _headed(
     close = np.linspace(0.0, chord[-1], min(max(int(chord[-1] / _CLOSE), 64), _MOST) + 1)
     ways = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(close)[:, :3], axis=0), axis=1))])
     if is_on_foot(body):
-        profile, known = profile.stop_at(float(ways[-1]), *GAIT), stop - start
+        profile, known = stopping(profile, float(ways[-1])), stop - start
     else:
         known = _until(profile, float(ways[-1]), stop - start)
     times = start + np.linspace(0.0, known, max(int(np.ceil(known / _STEP)), 4) + 1)
