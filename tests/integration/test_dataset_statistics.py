@@ -6,7 +6,7 @@ import json
 import math
 import re
 import xml.etree.ElementTree as ET
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.derived.boxes import nearest_footprint
+from scarl_sionna.dataset.derived.radar_points import sensed_points
 from scarl_sionna.dataset.formats import FrameSource, SceneFrames
 from scarl_sionna.dataset.statistics.charts import by_range
 from scarl_sionna.dataset.statistics.collect import DatasetStatistics, dataset_statistics
@@ -160,6 +161,26 @@ def test_the_strongest_point_of_each_radar_and_frame_is_kept(found) -> None:
     assert found.points_per_scan.tolist() == [2] * 6 and few.points_per_scan.tolist() == [1] * 6
     np.testing.assert_array_equal(few.points["snr_db"], found.points["snr_db"].reshape(6, 2).max(axis=1))
     assert "the strongest 1 of a scan" in repr(few) and "the strongest 1 of a radar" in _page(few)
+
+
+@pytest.mark.parametrize("told", ["wide", "narrow", "nothing"])
+def test_spreads_of_velocity_are_folded_to_what_the_points_of_an_object_tell(monkeypatch, told) -> None:
+    """Three points at each place, of which two are an interval of the map faster."""
+
+    def three(frame, radar, pfa):
+        sensed = sensed_points(frame, radar, pfa)
+        old, narrow = sensed.points, 2.0 * radar.spec.unambiguous_velocity
+        columns = {one.name: np.repeat(getattr(old, one.name), 3, axis=0) for one in fields(old)}
+        columns["radial_velocity"] = columns["radial_velocity"] + np.tile([0.0, narrow, narrow], old.num_points)
+        width = {"wide": 3.0 * narrow, "narrow": narrow}.get(told)
+        columns["velocity_interval"] = None if width is None else np.full(3 * old.num_points, width)
+        return replace(sensed, points=type(old)(**columns))
+
+    monkeypatch.setattr("scarl_sionna.dataset.statistics.collect.sensed_points", three)
+    spread = dataset_statistics(SOURCE).scans["velocity_spread"]
+    radar = SOURCE.scenes[0].frames[0].radars["front_center/radar"].spec
+    known = 2.0 * radar.unambiguous_velocity * np.std([0.0, 1.0, 1.0]) if told == "wide" else 0.0
+    assert len(spread[np.isfinite(spread)]) and spread[np.isfinite(spread)] == pytest.approx(known, abs=1e-4)
 
 
 def _no_picture(*_: object) -> None:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import InputFileError, UnknownNameError
+from scarl_sionna.dataset.derived.radar_points import sensed_points
 from scarl_sionna.dataset.statistics.groups import GROUP_NAMES
 from tests.drive import drive
 from tests.point_files import SCENES_ROW, write_pcd, write_radar_scenes, write_vod
+from tests.radar_points import planted
+
+NO_POINTS = planted(np.zeros((0, 2)), np.zeros(0))
 
 
 def test_nuscenes(tmp_path) -> None:
@@ -108,6 +114,23 @@ def test_ours_has_the_same_columns_and_the_same_counts(own) -> None:
     np.testing.assert_allclose(np.linalg.norm(own.position, axis=1), own.range, rtol=1e-9)
     half = own.select(own.range > np.median(own.range))
     assert half.num_points == (own.range > np.median(own.range)).sum()
+
+
+@pytest.mark.parametrize("wider", [1.0, 3.0])
+def test_velocities_of_ours_are_folded_to_what_all_points_tell(monkeypatch, wider) -> None:
+    def told(*arguments):
+        sensed = sensed_points(*arguments)
+        width = np.full(sensed.points.num_points, 3.0)
+        width[-1:] = wider
+        return replace(sensed, points=replace(sensed.points, velocity_interval=width))
+
+    monkeypatch.setattr("scarl_sionna.dataset.point_clouds.own.sensed_points", told)
+    assert ss.point_table(drive(2)).velocity_interval.tolist() == [wider, wider]
+    monkeypatch.setattr(
+        "scarl_sionna.dataset.point_clouds.own.sensed_points",
+        lambda *arguments: replace(sensed_points(*arguments), points=NO_POINTS, compensated_velocity=np.zeros(0)),
+    )
+    assert np.isnan(ss.point_table(drive(2)).velocity_interval).all()
 
 
 def test_radars_that_are_not_there() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -71,6 +71,25 @@ def test_the_end_of_the_velocity_interval_splits_nothing() -> None:
     found = ss.cluster(points, RADAR)
     assert found.num_clusters == 1
     assert found.radial_velocity[0] == pytest.approx(-edge + 0.1, abs=1e-9)
+
+
+def test_velocities_are_compared_modulo_what_both_points_tell() -> None:
+    narrow, wide = 2.0 * RADAR.unambiguous_velocity, 6.0 * RADAR.unambiguous_velocity
+    one_apart = planted([[30.0, 0.0], [30.5, 0.0]], [0.2, narrow + 0.4])
+    ends = planted([[30.0, 0.0], [30.5, 0.0]], [wide / 2.0 - 0.2, -wide / 2.0 + 0.4])
+    for points, told, velocity in (
+        (one_apart, None, 0.3),
+        (one_apart, (narrow, narrow), 0.3),
+        (one_apart, (wide, narrow), 0.3),
+        (one_apart, (wide, wide), None),
+        (ends, (wide, wide), -wide / 2.0 + 0.1),
+    ):
+        known = replace(points, velocity_interval=None if told is None else np.array(told))
+        found = ss.cluster(known, RADAR)
+        assert found.num_clusters == int(velocity is not None)
+        assert velocity is None or found.radial_velocity[0] == pytest.approx(velocity, abs=1e-9)
+    more = planted([[30.0, 0.0], [30.5, 0.0], [60.0, 0.0]], [0.2, narrow + 0.4, 0.0])  # one elsewhere changes nothing
+    assert ss.cluster(replace(more, velocity_interval=np.array([wide, wide, narrow])), RADAR).num_clusters == 0
 
 
 def test_labels_are_those_of_most_points_and_of_the_stronger_of_as_many() -> None:

@@ -12,7 +12,7 @@ import pytest
 import scarl_sionna as ss
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.dataset.derived.radar_points import SensedPoints
-from scarl_sionna.dataset.formats.nuscenes_parts.files import radar_file
+from scarl_sionna.dataset.formats.nuscenes_parts.files import RADAR_FIELDS, radar_file
 from scarl_sionna.dataset.point_clouds.nuscenes import read_nuscenes_points
 from scarl_sionna.dataset.statistics.counted import POINT_ROW
 from scarl_sionna.dataset.statistics.of_points import count_points
@@ -102,6 +102,20 @@ def test_files_of_nuscenes_keep_all_points(tmp_path: Path) -> None:
     counted = count_points(table)
     with io.BytesIO() as picture:
         counted.charts().savefig(picture)
+
+
+@pytest.mark.parametrize("radar", [RADAR, RADAR.with_(multiplexing="tdm")])
+def test_files_of_nuscenes_tell_points_of_unclear_velocities(radar: ss.RadarSpec) -> None:
+    wide, narrow = 2.0 * radar.unfolded_velocity, 2.0 * radar.unambiguous_velocity
+    for told, states in (
+        (np.array([wide, narrow, wide, narrow]), [3, 3, 3, 3] if wide == narrow else [3, 1, 3, 1]),
+        (None, [3, 3, 3, 3]),
+    ):
+        points = replace(half_known(), velocity_interval=told)
+        unit = points.position / points.range[:, None]
+        data = radar_file(SensedPoints(points, unit, points.radial_velocity), radar)
+        rows = np.frombuffer(data[data.index(b"binary\n") + 7 : -1], list(RADAR_FIELDS))
+        assert rows["ambig_state"].tolist() == states
 
 
 def test_medians_leave_it_out() -> None:

@@ -53,7 +53,7 @@ def point_table(data: Convertible, radars: Sequence[str] = (), *, pfa: float = 1
     if not chosen:
         raise ParameterRangeError("data", "no radar", "a dataset with radars")
     parts: dict[str, list[Any]] = defaultdict(list)
-    interval, scan, tracks = [np.nan] * len(chosen), 0, 0
+    interval, scan, tracks = [np.inf] * len(chosen), 0, 0
     for scene in source.scenes:
         numbers: dict[int, int] = {}
         for index in range(len(scene)):
@@ -71,7 +71,7 @@ def point_table(data: Convertible, radars: Sequence[str] = (), *, pfa: float = 1
                 points = sensed.points
                 owner = nearest_footprint(users, radar.world_from_sensor.apply(points.position), margin)
                 has_height = np.ptp(radar.spec.array.tx_array[:, 2]) + np.ptp(radar.spec.array.rx_array[:, 2]) > 0.0
-                interval[sensor] = 2.0 * radar.spec.unambiguous_velocity
+                interval[sensor] = min(interval[sensor], points.known_modulo(radar.spec).min(initial=np.inf))
                 columns = {
                     "scan": np.full(points.num_points, scan),
                     "sensor": np.full(points.num_points, sensor),
@@ -97,4 +97,5 @@ def point_table(data: Convertible, radars: Sequence[str] = (), *, pfa: float = 1
     times = columns["time"]
     columns["time"] = times - (times.min() if times.size else 0.0)
     notes = ("times of all scenes are on one clock", f"false alarm {pfa:g}, within {margin:g} m of a box")
-    return table_of("scarl-sionna", chosen, notes, scan, columns, interval)
+    told = [width if np.isfinite(width) else np.nan for width in interval]
+    return table_of("scarl-sionna", chosen, notes, scan, columns, told)

@@ -64,7 +64,8 @@ class PointTable(
     track : ndarray of int64, shape (num_points,)
         Number of the object that a point belongs to, the same in all scans; -1: none, or not told.
     velocity_interval : ndarray of float64, shape (num_sensors,)
-        Width of the radial velocities that a radar's points are folded to [m/s]; nan: not folded, or not told.
+        Greatest interval that the radial velocities of all points of a radar are known modulo [m/s]; nan: not folded,
+        or not told.
     """
 
     source: str

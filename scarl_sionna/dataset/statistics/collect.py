@@ -210,9 +210,10 @@ class _Counter:
             points = sensed_points(frame, radar, self.pfa).points.strongest(self.most_points)
             owner = nearest_footprint(users, radar.world_from_sensor.apply(points.position), self.margin)
             own = np.bincount(owner[owner >= 0], minlength=len(users))
-            farthest = min(FARTHEST, radar.spec.max_range)
+            interval, farthest = points.known_modulo(radar.spec), min(FARTHEST, radar.spec.max_range)
             for number, item in _looked_at(users, radar.world_from_sensor, farthest):
-                spread = velocity_spread(points.radial_velocity[owner == number], 2.0 * radar.spec.unambiguous_velocity)
+                mine = owner == number
+                spread = velocity_spread(points.radial_velocity[mine], interval[mine].min(initial=np.inf))
                 away = _away(radar.world_from_sensor, item)
                 self._rows["scans"].append((*_kind(item), away, own[number], spread))
             group = np.array([*(GROUP_OF_SEMANTIC[item.semantic] for item in users), NO_GROUP])[owner]

@@ -14,6 +14,8 @@ from scarl_sionna.core.prompt.describe import Described, Row, field_rows
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from scarl_sionna.core.specs.radar.spec import RadarSpec
+
 Array = npt.NDArray[np.float64]
 
 
@@ -82,6 +84,15 @@ class RadarPoints(
         columns = {field.name: getattr(self, field.name) for field in fields(self)}
         kept: dict[str, Any] = {name: column[:count] for name, column in columns.items() if column is not None}
         return RadarPoints(**kept)
+
+    def known_modulo(self, radar: RadarSpec) -> Array:
+        """Return the interval that each radial velocity is known modulo, shape (num_points,) [m/s].
+
+        It is `velocity_interval`, or that of the radar's map for points of none; the velocities of several points are
+        known modulo the smallest of theirs.
+        """
+        map_wide = np.full(self.num_points, 2.0 * radar.unambiguous_velocity)
+        return map_wide if self.velocity_interval is None else self.velocity_interval
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the detections from above, in the radar frame, coloured by radial velocity; larger: higher SNR.

@@ -106,7 +106,8 @@ def cluster(
     ----------
     points : RadarPoints
     radar : RadarSpec, optional
-        Given, velocities are compared modulo its unambiguous interval: what is split by the interval's end stays whole.
+        Given, velocities are compared modulo the interval that both points tell (`RadarPoints.velocity_interval`; of
+        points that tell none the radar's unambiguous one): what is split by the interval's end stays whole.
     labels : PointLabels, optional
         Of the points, from :func:`ss.label_points`: clusters then have an instance and a class.
     **reach
@@ -158,7 +159,7 @@ def cluster(
     if min_points < 1:
         raise ParameterRangeError("min_points", min_points, ">= 1")
     scale = (_reach("distance", reach, 2.0), _reach("angle", reach, 0.05), _reach("velocity", reach, 1.5))
-    interval = None if radar is None else 2.0 * radar.unambiguous_velocity
+    interval = np.full(points.num_points, np.inf) if radar is None else points.known_modulo(radar)
     scan = require("sklearn.cluster", "tracking").DBSCAN
     found = np.zeros(0, dtype=np.int64)
     if points.num_points:
@@ -176,7 +177,7 @@ def _reach(name: str, reach: Reach, default: float) -> float:
     return value
 
 
-def _distances(points: RadarPoints, scale: tuple[float, float, float], interval: float | None) -> csr_matrix:
+def _distances(points: RadarPoints, scale: tuple[float, float, float], interval: Array) -> csr_matrix:
     """Return the scaled distances of all pairs that may be neighbours, shape (num_points, num_points), sparse."""
     distance, angle, velocity = scale
     farthest = float(np.linalg.norm(points.position, axis=1).max())
@@ -187,7 +188,8 @@ def _distances(points: RadarPoints, scale: tuple[float, float, float], interval:
     range_ = np.linalg.norm(middle, axis=1)
     along = (apart * middle).sum(axis=1) / np.maximum(range_, 1e-9)
     across = np.maximum((apart**2).sum(axis=1) - along**2, 0.0)
-    faster = _folded(points.radial_velocity[first] - points.radial_velocity[second], interval)
+    both = np.minimum(interval[first], interval[second])
+    faster = _folded(points.radial_velocity[first] - points.radial_velocity[second], both)
     squared = (along / distance) ** 2 + across / (distance**2 + (angle * range_) ** 2) + (faster / velocity) ** 2
     near = squared <= 1.0
     first, second, value = first[near], second[near], np.maximum(np.sqrt(squared[near]), 1e-12)
@@ -196,12 +198,13 @@ def _distances(points: RadarPoints, scale: tuple[float, float, float], interval:
     return csr_matrix((np.concatenate([value, value]), (rows, columns)), shape=(count, count))
 
 
-def _folded(velocity: Array, interval: float | None) -> Array:
-    """Return differences of velocity modulo an interval [m/s], in its middle."""
-    return velocity if interval is None else velocity - interval * np.rint(velocity / interval)
+def _folded(velocity: Array, interval: Array) -> Array:
+    """Return differences of velocity modulo intervals [m/s], in their middle; inf: as they are."""
+    folds = np.rint(velocity / interval)
+    return velocity - np.where(folds == 0.0, 0.0, interval) * folds
 
 
-def _table(points: RadarPoints, found: Ids, labels: Labels | None, interval: float | None) -> RadarClusters:
+def _table(points: RadarPoints, found: Ids, labels: Labels | None, interval: Array) -> RadarClusters:
     """Return the table of clusters; `found` is the number of each point's, -1 for none."""
     members = [np.flatnonzero(found == number) for number in range(int(found.max(initial=-1)) + 1)]
     members.sort(key=lambda rows: -float(points.power[rows].sum()))
@@ -215,8 +218,9 @@ def _table(points: RadarPoints, found: Ids, labels: Labels | None, interval: flo
         extent[row] = np.ptp(points.position[rows], axis=0)
         strongest = rows[np.argmax(points.power[rows])]
         start = points.radial_velocity[strongest]
-        mean = start + _folded(points.radial_velocity[rows] - start, interval).mean()
-        velocity[row] = mean if interval is None else (mean + interval / 2.0) % interval - interval / 2.0
+        common = interval[rows].min()
+        mean = start + _folded(points.radial_velocity[rows] - start, common).mean()
+        velocity[row] = mean if np.isinf(common) else (mean + common / 2.0) % common - common / 2.0
         if labels is not None:
             votes = [(np.sum(labels.instance[rows] == labels.instance[one]), points.power[one], one) for one in rows]
             winner = int(max(votes)[2])

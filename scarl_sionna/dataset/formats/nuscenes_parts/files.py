@@ -71,7 +71,8 @@ def radar_file(sensed: SensedPoints, radar: RadarSpec) -> bytes:
 
     An RCS that is not known is `UNKNOWN_RCS_DBSM`: readers take a cloud whose first point has a nan as empty.
 
-    A point is ambiguous where its velocity is known modulo less than ``2 radar.unfolded_velocity``.
+    A point is ambiguous where its velocity is known modulo less than ``2 radar.unfolded_velocity``; points of no map,
+    without `velocity_interval`, are written as unambiguous.
 
     The file ends with one byte after the last point, which the reader asks for. Without detections it holds one point
     of nan, which the reader takes for none.
