@@ -56,18 +56,30 @@ def _with_places(mount: SensorMount, rig: Rig, carrier: Mount, time: float, draw
     settings = mount.settings
     if not isinstance(mount.spec, RadarSpec) or not isinstance(settings, RadarSettings) or not settings.interferers:
         return mount  # radars of other kinds refuse them
-    others = [item for item in settings.interferers if item.sensor != mount.name]
-    intervals = {item.sensor: item.frame_interval for item in settings.interferers if item.sensor is not None}
-    starts = {name: draw(name) * (intervals.get(name) or _radar(rig, name).frame_time) for name in intervals}
-    own = 0.0 if not intervals else starts.get(mount.name, draw(mount.name) * mount.spec.frame_time)
+    own = _start(mount.name, rig, draw)
     known = []
-    for item in others:
+    for item in settings.interferers:
+        if item.sensor == mount.name:
+            continue
         placed = _placed(item, rig, carrier, time)
         if item.start_time is None:
-            start = _foreign_start(item, draw) if item.sensor is None else starts[item.sensor] - own
-            placed = placed.with_(start_time=start)
+            start = _foreign_start(item, draw) if item.sensor is None else _start(item.sensor, rig, draw)
+            placed = placed.with_(start_time=start - own)
         known.append(placed)
     return replace(mount, settings=settings.with_(interferers=tuple(known)))
+
+
+def _start(name: str, rig: Rig, draw: Draw) -> float:
+    """Return when a radar of a rig starts its frame [s]: 0 in a rig whose radars do not hear each other.
+
+    Else drawn over the longest of the frame intervals that the lists of the rig's radars have for it.
+    """
+    lists = [mount.settings.interferers for mount in rig.sensors if isinstance(mount.settings, RadarSettings)]
+    named = [item for items in lists for item in items if item.sensor is not None]
+    if not named:
+        return 0.0
+    given = [item.frame_interval for item in named if item.sensor == name and item.frame_interval is not None]
+    return draw(name) * max(given, default=_radar(rig, name).frame_time)
 
 
 def _radar(rig: Rig, name: str) -> RadarSpec:

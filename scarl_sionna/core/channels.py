@@ -44,9 +44,10 @@ class RadioChannels(
     world_from_sensor : Pose
         Frame of the radio's array (x forward, y left, z up).
     world_from_station : ndarray of float64, shape (num_stations, 7)
-        Position x, y, z [m] and quaternion w, x, y, z of the stations, in the order of ``spec.stations``.
+        Position x, y, z [m] and quaternion w, x, y, z of the stations, in the order of ``spec.stations``; NaN of those
+        that are not in the scene.
     station_velocity : ndarray of float64, shape (num_stations, 3)
-        [m/s], world axes.
+        [m/s], world axes; NaN of those that are not in the scene.
     a : ndarray of complex64, shape (num_stations, num_station_antennas, num_antennas, max_paths)
         Coefficient of the impulse response at the carrier: voltage ratio with the antennas' patterns, the phase of the
         way ``exp(-2j pi f tau)`` in it (worked out in float64).

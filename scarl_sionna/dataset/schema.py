@@ -304,9 +304,16 @@ RADIO: tuple[Field, ...] = (
         "float64",
         ("station", "pose"),
         "m, 1",
-        "position x, y, z and quaternion w, x, y, z of the stations, in the order of the specification",
+        "position x, y, z and quaternion w, x, y, z of the stations, in the order of the specification; "
+        "NaN of absent ones",
     ),
-    Field("station_velocity", "float64", ("station", "xyz"), "m/s", "velocity of the stations, world axes"),
+    Field(
+        "station_velocity",
+        "float64",
+        ("station", "xyz"),
+        "m/s",
+        "velocity of the stations, world axes; NaN of absent ones",
+    ),
     Field(
         "a",
         "complex64",

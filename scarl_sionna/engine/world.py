@@ -91,7 +91,7 @@ class World(Described):
             if entry.trajectory is not None
         )
         check_bodies(self.actors, self._meshes)
-        self._names: Mapping[str, str] = {}
+        self._names: Mapping[str, str | None] = {}
         self._shapes = Shapes(self.parts, self._meshes)
         corners = self._triangles.corners.reshape(-1, 3) if document.is_foreign else None
         self.instances = {
@@ -231,14 +231,14 @@ class World(Described):
         staged = staged if self.weather == Weather() else staged.with_weather(self.weather)
         return staged.with_changes(self.changes).with_names(self._names)
 
-    def with_names(self, names: Mapping[str, str]) -> World:
+    def with_names(self, names: Mapping[str, str | None]) -> World:
         """Return this world with further names of actors; it shares everything else.
 
         Parameters
         ----------
-        names : mapping of str to str
-            What an actor is called -> its name in the scene, read whenever an actor is asked for; names in the scene
-            go before them.
+        names : mapping of str to str or None
+            What an actor is called -> its name in the scene, None of one that is not there and has no place; read
+            whenever an actor is asked for; names in the scene go before them.
         """
         other = copy.copy(self)
         other._names = names
@@ -289,11 +289,12 @@ class World(Described):
         Raises
         ------
         UnknownNameError
-            If there is no such actor.
+            If there is no such actor, or it is not there (:meth:`with_names`).
         """
         own = name if name in self._actor_of_name else self._names.get(name)
         if own not in self._actor_of_name:
-            raise UnknownNameError("actor", name, {*self._actor_of_name, *self._names})
+            known = (other for other, actor in self._names.items() if actor is not None)
+            raise UnknownNameError("actor", name, {*self._actor_of_name, *known})
         return self._actor_of_name[own]
 
     @property
@@ -700,7 +701,16 @@ class WorldState(Described):
         return tuple(states)
 
     def is_present(self, name: str) -> bool:
-        """Return whether an actor is in the scene at this time: it may come later or be gone."""
+        """Return whether an actor is in the scene at this time: it may come later or be gone.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such actor.
+        """
+        world = self.world
+        if name not in world._actor_of_name and world._names.get(name, name) is None:
+            return False
         return is_present(self.world.actor(name).trajectory, self.time)
 
     def _tight_box(self, info: InstanceInfo) -> dict[str, Any]:

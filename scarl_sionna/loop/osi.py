@@ -328,7 +328,13 @@ def serve_osi(
         yield frame
 
 
-def write_osi_trace(frames: Iterable[Frame], path: str | Path, host: str = "ego", sensor_view: bool = False) -> Path:
+def write_osi_trace(
+    frames: Iterable[Frame],
+    path: str | Path,
+    host: str = "ego",
+    sensor_view: bool = False,
+    axles: Mapping[str, float] | None = None,
+) -> Path:
     """Write the truth of frames as a trace, ``.osi`` or ``.mcap`` by the name's end.
 
     Parameters
@@ -341,6 +347,8 @@ def write_osi_trace(frames: Iterable[Frame], path: str | Path, host: str = "ego"
         Name of the host vehicle.
     sensor_view : bool
         SensorView messages around the ground truth.
+    axles : mapping of str to float, optional
+        As of :func:`osi_ground_truth`.
 
     Raises
     ------
@@ -350,7 +358,7 @@ def write_osi_trace(frames: Iterable[Frame], path: str | Path, host: str = "ego"
     osi = require("betterosi", "osi")
     with osi.Writer(str(path)) as writer:
         for frame in frames:
-            truth = osi_ground_truth(frame, host)
+            truth = osi_ground_truth(frame, host, axles)
             if sensor_view:
                 truth = osi.SensorView(
                     version=_version(osi),

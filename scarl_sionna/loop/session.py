@@ -100,7 +100,7 @@ class Session(Described):
                 name = f"body-{len(staged) + 1}"
                 staged.append(StagedActor(name, model, self._told(name), detail=settings.detail))  # type: ignore[arg-type]
                 self._free[model].append(name)
-        self._names: dict[str, str] = {}  # whom interferers and stations of the rig may name, and the bodies
+        self._names: dict[str, str | None] = {}  # whom interferers and stations of the rig may name, and the bodies
         self._own = tuple(actor.name for actor in loaded.actors if actor.name not in settings.keep)
         if staged:
             loaded = loaded.with_actors(staged)
@@ -260,10 +260,9 @@ class Session(Described):
             if body in of_body:
                 del self._names[name]
         self._names.update((name, body) for body, name in of_body.items())
-        away = next((name for name in self._motion if name not in of_body), None)
-        for name in _named(self.rig):
-            if away is not None and name not in self.settings.keep:  # names in the scene go before
-                self._names.setdefault(name, away)
+        if self.settings.bodies:  # else nobody comes whom the scene does not know
+            for name in _named(self.rig):
+                self._names.setdefault(name, None)  # names in the scene go before
 
     def _look(self, world: World, now_ns: int, due: list[str], of_body: Mapping[str, str]) -> Frame:
         carrier: Mount | Pose

@@ -73,35 +73,39 @@ class Radio:
         """
         started = time.perf_counter()
         place = state.as_mount(mount)
-        stations = [_placed(state, station) for station in self.spec.stations]
-        there = [index for index, station in enumerate(self.spec.stations) if _is_there(state, station)]
+        wanted = self.spec.stations
+        stations = {index: _placed(state, one) for index, one in enumerate(wanted) if _is_there(state, one)}
         check_placement(state, place.pose.position, "radio")
-        for index in there:
-            check_placement(state, stations[index].pose.position, f"station '{self.spec.stations[index].name}'")
+        for index, one in stations.items():
+            check_placement(state, one.pose.position, f"station '{wanted[index].name}'")
         rows: dict[str, npt.NDArray[Any]] = self._no_paths()
         diagnostics: dict[str, Any] = {
-            "absent_stations": [station.name for k, station in enumerate(self.spec.stations) if k not in there]
+            "absent_stations": [station.name for k, station in enumerate(wanted) if k not in stations]
         }
-        if there:
+        if stations:
             found = trace_links(
                 state,
                 self.spec.frequency,
-                (place, [stations[index] for index in there]),
+                (place, list(stations.values())),
                 (self.spec.array, self.spec.station_array),
                 self.settings,
             )
             self._check(found)
             diagnostics["small_mirror_share"] = self._small_mirrors(found)
-            for position, index in enumerate(there):
+            for position, index in enumerate(stations):
                 self._keep(rows, index, found, np.flatnonzero(found.receiver == position), state.world.parts.instance)
             diagnostics |= {"num_candidates": found.num_candidates, "borrowed_materials": found.borrowed}
         rows["cfr"] = response(rows["a"], rows["tau"], rows["doppler"], self.spec.subcarrier_frequencies)
         rows["a"], rows["cfr"] = rows["a"].astype(np.complex64), rows["cfr"].astype(np.complex64)
+        world_from_station, velocity = np.full((len(wanted), 7), np.nan), np.full((len(wanted), 3), np.nan)
+        for index, one in stations.items():
+            world_from_station[index] = *one.pose.position, *one.pose.quaternion
+            velocity[index] = one.twist.linear
         return RadioChannels(
             spec=self.spec,
             world_from_sensor=place.pose,
-            world_from_station=np.array([[*one.pose.position, *one.pose.quaternion] for one in stations]),
-            station_velocity=np.array([one.twist.linear for one in stations]),
+            world_from_station=world_from_station,
+            station_velocity=velocity,
             **rows,
             diagnostics={**diagnostics, "seconds": time.perf_counter() - started},
         )

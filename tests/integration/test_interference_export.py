@@ -135,17 +135,22 @@ def test_all_radars_of_a_rig_hear_another_at_one_time_and_each_other_at_opposite
     every = (foreign, *(ss.Interferer(sensor=name, frame_interval=0.05) for name in names))
     rig = rig_of().with_radar(ss.RadarSettings(interferers=every))
     here, there = heard(ss.observe(world, rig, seed=3), *names)
-    assert here[0] == there[0] and here[1] == -there[1] != 0.0 and max(map(abs, here)) < 0.05
+    assert here[1] == -there[1] != 0.0 and max(map(abs, here)) < 0.05
+    assert here[0] - there[0] == pytest.approx(here[1])  # by as much as their own frames start apart
     assert heard(ss.observe(world, rig, seed=3, only=names[1:]), names[1]) == [there]
     assert heard(ss.observe(world, rig, seed=3, only=names[:1]), names[0]) == [here]
     later = heard(ss.observe(world, rig, 0.05, seed=3), *names)
-    assert later[0] != here and later[0][0] == later[1][0]
-    first, second = (ss.Interferer(sensor=name) for name in names)
-    listens = FEW_RAYS.with_(interferers=(first,), method="raycast")
-    side = SensorMount(names[1], "radar", OTHER, ss.Pose([2.0, 0.5, 1.0]), listens)
-    two = Rig("two", (rig_of(second).sensors[0], side))
-    here, there = heard(ss.observe(world, two, seed=3), *names)  # lists of their own
-    assert here[0] == -there[0]
+    assert later[0] != here and later[0][0] - later[1][0] == pytest.approx(later[0][1])
+    for intervals in ((None, None), (0.05, 0.05), (0.05, None), (0.05, 0.08)):  # lists of their own
+        first, second = (ss.Interferer(sensor=one, frame_interval=t) for one, t in zip(names, intervals, strict=True))
+        listens = FEW_RAYS.with_(interferers=(first, foreign), method="raycast")
+        side = SensorMount(names[1], "radar", OTHER, ss.Pose([2.0, 0.5, 1.0]), listens)
+        two = Rig("two", (rig_of(second, foreign).sensors[0], side))
+        here, there = heard(ss.observe(world, two, seed=3), *names)
+        assert here[0] == -there[0] != 0.0 and here[1] - there[1] == pytest.approx(here[0])
+    alone = SensorMount(names[1], "radar", OTHER, ss.Pose([2.0, 0.5, 1.0]), listens.with_(interferers=(foreign,)))
+    here, there = heard(ss.observe(world, Rig("two", (rig_of(foreign).sensors[0], alone)), seed=3), *names)
+    assert here == there and 0.0 <= here[0] < OTHER.frame_time  # none hears another of the rig
 
 
 def test_a_scenario_file_brings_them_into_a_dataset(folder, tmp_path) -> None:

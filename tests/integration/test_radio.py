@@ -258,6 +258,7 @@ def test_an_absent_station_a_full_buffer_and_bad_places(world, monkeypatch) -> N
     monkeypatch.setattr("scarl_sionna.engine.world.is_present", lambda trajectory, time: False)
     gone = observed(actor="ahead", position=(0.0, 0.0, 1.7))
     assert gone.diagnostics["absent_stations"] == ["it"] and not gone.valid.any() and not gone.cfr.any()
+    assert np.isnan(gone.world_from_station).all() and np.isnan(gone.station_velocity).all()
 
 
 @pytest.mark.parametrize(

@@ -127,6 +127,18 @@ def test_a_sensor_is_mounted_where_the_host_s_box_and_axle_say(world: ss.World) 
         np.testing.assert_allclose(place, frame.radars["radar"].world_from_sensor.position, atol=1e-6)
 
 
+@pytest.mark.parametrize("sensor_view", [False, True])
+def test_a_trace_has_the_axles_that_are_told(world: ss.World, tmp_path: Path, sensor_view: bool) -> None:
+    frame = ss.observe(world, RIG, 1.0, 0, only=[])
+    path = write_osi_trace([frame], tmp_path / "a_gt.osi", sensor_view=sensor_view, axles={"ego": -1.4})
+    kind = osi.SensorView if sensor_view else osi.GroundTruth
+    told = kind.from_binary(path.read_bytes()[4:])  # behind its length
+    truth = told.global_ground_truth if sensor_view else told
+    rear = {one.id.value: one.vehicle_attributes.bbcenter_to_rear.x for one in truth.moving_object}
+    host = truth.host_vehicle_id.value
+    assert rear.pop(host) == pytest.approx(-1.4) and list(rear.values()) == pytest.approx([-0.295 * 4.0])
+
+
 def test_a_session_is_stepped_over_a_socket(world: ss.World) -> None:
     settings = ss.SessionSettings(bodies={"small_car": 1}, detail="light")
     here, there = socket.socketpair()

@@ -185,6 +185,34 @@ def test_radars_and_stations_ride_on_actors_by_the_names_of_the_session(world: s
     assert same(again.radars["radar"], frames[2].radars["radar"])
 
 
+def test_a_radar_and_a_station_may_ride_on_who_has_no_body_while_all_bodies_are_taken(world: ss.World) -> None:
+    other = ss.Interferer(radar=RADAR, actor="7", position=(-2.5, 0.0, 0.8), quaternion=(0.0, 0.0, 0.0, 1.0))
+    radio = ss.RadioSpec(stations=({"name": "7", "actor": "7", "position": (0.0, 0.0, 2.0)},), num_subcarriers=2)
+    few = ss.RadioSettings(solver={"max_depth": 0, "num_samples": 5_000})
+    rig = ss.Rig(
+        "hears",
+        (
+            SensorMount("radar", "radar", RADAR, MOUNT, FAST.with_(interferers=(other,), noise=False)),
+            SensorMount("radio", "radio", radio, ss.Pose([0.0, 0.0, 2.0]), few),
+        ),
+    )
+    rest = ss.Twist()
+    there = {"ego": ss.ActorPose(ss.Pose(), rest), "car": ss.ActorPose(ss.Pose([40, 0, 0]), rest)}
+    with ss.Session(world, rig, ss.SessionSettings(bodies={"small_car": 1}, detail="light")) as session:
+        for number, who in enumerate(("8", "7", "8")):  # 8 takes the body of 7, who leaves
+            coming = {who: ss.ActorPose(ss.Pose([20, 0, 0]), rest, "small_car")}
+            frame = session.step(0.1 * number, there | coming)
+            source, channels = frame.radars["radar"].diagnostics["interferers"][0], frame.radios["radio"]
+            assert bool(source["num_paths"]) == (who == "7") == (not channels.diagnostics["absent_stations"])
+            assert np.isfinite(channels.world_from_station).all() == (who == "7")
+            assert np.isfinite(channels.station_velocity).all() == (who == "7")
+            assert session.world.at(0.1 * number).is_present("7") == (who == "7")
+        with pytest.raises(UnknownNameError, match="actor '7'"):
+            session.world.actor("7")
+    with ss.Session(world, rig) as fixed, pytest.raises(UnknownNameError, match="actor '7'"):
+        fixed.step(0.0, there)  # nobody can come by that name
+
+
 def test_wheels_and_legs_do_not_keep_what_was_only_expected(world: ss.World) -> None:
     """A frame looks beyond its step (blocks of chirps, a turning lidar); joints must not sum what came otherwise."""
     settings = ss.SessionSettings(bodies={"small_car": 1}, record=True)

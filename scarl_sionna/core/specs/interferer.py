@@ -56,8 +56,8 @@ class Interferer(Spec):
     start_time: Seconds | None = Field(
         None,
         description="start of one of its frames after that of the listening radar's frame [s]; None: drawn for each "
-        "frame of a rig, evenly over frame_interval, one draw for all radars that hear it; between radars of the rig "
-        "the difference of their draws",
+        "frame of a rig, evenly over frame_interval, one draw for all radars that hear it; where radars of the rig "
+        "hear each other, less the draw of the one that listens",
     )
     frame_interval: Seconds | None = Field(
         None, gt=0.0, description="from the start of a frame to that of the next [s]; None: without pause"

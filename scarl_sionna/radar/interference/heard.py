@@ -118,11 +118,10 @@ def hear(
             )
         interval = other.frame_interval or sender.frame_time
         start = float(rng.uniform(0.0, interval)) if other.start_time is None else other.start_time
-        there = _place(state, other)
         if state is None or other.actor is None or state.is_present(other.actor):
-            paths = one_way_paths(sender, there, mount, state, settings)
+            paths = one_way_paths(sender, _place(state, other), mount, state, settings)
         else:
-            paths = RadarPaths.empty(there.pose, mount.pose)
+            paths = RadarPaths.empty(mount.pose)
         total += synthesize_interference(paths, sender, radar, start, interval, other.frequency_offset)
         strongest = float(np.max(np.abs(paths.a), initial=0.0))
         level = None if strongest == 0.0 else float(20.0 * np.log10(strongest))
