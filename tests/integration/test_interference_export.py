@@ -8,6 +8,7 @@ import pytest
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError, ScarlError
 from scarl_sionna.fusion import Rig, SensorMount
+from scarl_sionna.radar.interference.heard import hear
 from scarl_sionna.radar.weather.attenuation import weather_attenuation
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import FEW_RAYS, PLACE, scene_file
@@ -111,6 +112,14 @@ def test_one_with_a_velocity_goes_straight_on_from_its_place_at_time_zero(folder
         assert OTHER.wavelength / (4.0 * np.pi * far) == pytest.approx(apart, rel=1e-6)
         apart = np.linalg.norm(PLACE.position - [2.0, 0.5, 1.0])  # on the vehicle, wherever that is said to be
         assert OTHER.wavelength / (4.0 * np.pi * near) == pytest.approx(apart, rel=1e-6)
+
+
+def test_one_that_has_gone_by_the_clock_of_unix_is_told(tmp_path) -> None:
+    passing = ss.Interferer(radar=OTHER, position=(45.0, 6.0, 3.0), quaternion=FACING, velocity=(-8.0, 1.0, 0.0))
+    later = walled(tmp_path).world.at(1.76e9)
+    with pytest.warns(ss.ScarlWarning, match="1.42e\\+07 km away at 1760000000 s: it is not heard"):
+        found = hear(later, SMALL, ss.Mount(ss.Pose([0.0, 0.0, 2.0])), [passing], np.random.default_rng(0))
+    assert found.sources[0]["num_paths"] == 0
 
 
 def test_start_times_that_are_not_given_follow_the_seed(folder) -> None:

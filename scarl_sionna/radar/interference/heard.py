@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.interferer import Interferer
@@ -20,7 +21,7 @@ from scarl_sionna.signal.noise import sample_noise_power
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 from .beat import synthesize_interference
-from .ways import one_way_paths
+from .ways import FARTHEST, one_way_paths
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -100,6 +101,11 @@ def hear(
     UnknownNameError
         If there is no such actor.
 
+    Warns
+    -----
+    ScarlWarning
+        If one has gone farther than 1000 km since time 0.
+
     References
     ----------
     .. [1] G. M. Brooker, "Mutual interference of millimeter-wave radar systems", IEEE Trans. Electromagn. Compat.
@@ -131,7 +137,21 @@ def hear(
 
 def _place(state: WorldState | None, other: Interferer) -> Mount:
     if other.actor is None:
-        return Mount.passing(other.pose, other.velocity, 0.0 if state is None else state.time)
+        there = Mount.passing(other.pose, other.velocity, 0.0 if state is None else state.time)
+        _warn_of_distance(there, other, state)
+        return there
     if state is None:
         raise ParameterRangeError("interferers.actor", repr(other.actor), "none in free space", "give its position")
     return state.mount(other.actor, other.pose)
+
+
+def _warn_of_distance(there: Mount, other: Interferer, state: WorldState | None) -> None:
+    """Warn of a radar that has gone so far since time 0 that nothing of it can be heard."""
+    away = float(np.linalg.norm(there.pose.position))
+    if state is not None and away > FARTHEST:
+        warnings.warn(
+            f"an interferer that is at {other.position} m at time 0 is {away / 1e3:.3g} km away at "
+            f"{state.time:.10g} s: it is not heard. Let a session's clock start near 0, or let it ride on an actor",
+            ScarlWarning,
+            stacklevel=4,
+        )
