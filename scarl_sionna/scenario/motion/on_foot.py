@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import TimeRangeError
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.scene.motion.pieces import InPieces
 
 from .bodies import ActorBody
 from .paths import PathTrajectory, quintic_step
@@ -63,38 +63,15 @@ class TurnOnSpot:
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
-    """Ways on foot with turns on the spot between them, each from the time on at which the one before ends."""
+class Walk(InPieces[PathTrajectory | TurnOnSpot]):
+    """Ways on foot with turns on the spot between them."""
 
     pieces: tuple[PathTrajectory | TurnOnSpot, ...]
     name: str = "actor"
 
     @property
-    def start(self) -> float:
-        """First time at which it is known [s]."""
-        return self.pieces[0].start
-
-    @property
-    def stop(self) -> float:
-        """Last time at which it is known [s]."""
-        return self.pieces[-1].stop
-
-    def _piece(self, time: float) -> PathTrajectory | TurnOnSpot:
-        if not self.start <= time <= self.stop:
-            raise TimeRangeError(time, self.start, self.stop, f"'{self.name}'")
-        return self.pieces[sum(time >= piece.start for piece in self.pieces[1:])]
-
-    def pose(self, time: float) -> Pose:
-        """Return world_from_actor at a time [s]."""
-        return self._piece(time).pose(time)
-
-    def twist(self, time: float) -> Twist:
-        """Return the velocity at a time [s]."""
-        return self._piece(time).twist(time)
-
-    def forward_speeds(self, times: Array) -> Array:
-        """Return the speeds along the heading [m/s] at times (N,) [s]."""
-        return np.array([self._piece(time).forward_speeds(np.array([time]))[0] for time in times.tolist()])
+    def _body(self) -> str:
+        return self.name
 
 
 def legs_of(points: Array, name: str) -> list[tuple[int, int]]:

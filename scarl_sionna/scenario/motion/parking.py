@@ -10,9 +10,10 @@ import numpy.typing as npt
 from scipy.interpolate import PPoly
 from scipy.optimize import brentq
 
-from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.scene.lanes import Lane
+from scarl_sionna.scene.motion.pieces import InPieces
 from scarl_sionna.scene.motion.trajectory import Motion, WheelWay
 
 from .bodies import STEERING, ActorBody
@@ -39,37 +40,14 @@ _BENT = 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class JoinedTrajectory:
+class JoinedTrajectory(InPieces[PathTrajectory]):
     """Motions of one body one after the other, each of which begins where the one before stands."""
 
     pieces: tuple[PathTrajectory, ...]
 
     @property
-    def start(self) -> float:
-        """First time at which it is known [s]."""
-        return self.pieces[0].start
-
-    @property
-    def stop(self) -> float:
-        """Last time at which it is known [s]."""
-        return self.pieces[-1].stop
-
-    def _index(self, time: float) -> int:
-        if not self.start <= time <= self.stop:
-            raise TimeRangeError(time, self.start, self.stop, f"'{self.pieces[0].name}'")
-        return sum(time >= piece.start for piece in self.pieces[1:])
-
-    def pose(self, time: float) -> Pose:
-        """Return world_from_actor at a time [s]."""
-        return self.pieces[self._index(time)].pose(time)
-
-    def twist(self, time: float) -> Twist:
-        """Return the velocity at a time [s]."""
-        return self.pieces[self._index(time)].twist(time)
-
-    def forward_speeds(self, times: Array) -> Array:
-        """Return the speeds along the heading [m/s] at times (N,) [s], negative in reverse."""
-        return np.array([self.pieces[self._index(time)].forward_speeds(np.array([time]))[0] for time in times.tolist()])
+    def _body(self) -> str:
+        return self.pieces[0].name
 
     def wheel_way(self, time: float, place: tuple[float, float]) -> WheelWay:
         """Return where a wheel points, and how far it has rolled since the start of the first piece."""
