@@ -31,6 +31,7 @@ from .hybrid import solve_hybrid
 from .left_out.entries import beyond_last_bounce, left_out
 from .mirror_chains import possible_chains
 from .mirrors import Mirror, mirrored
+from .reflections import as_found
 from .spend import Choice
 from .verify import Verified, first_level, met, verified
 
@@ -91,13 +92,16 @@ def solve_auto(
     planned = time.perf_counter() - start
     level = first_level(view, chosen)
     first = replace(plan, shares=tuple(_at_level(share, level) for share in plan.shares))
-    again = verified(view, chosen, plan, solve_hybrid(state, radar, mount, settings.with_(plan=first)))
+    paths = solve_hybrid(state, radar, mount, settings.with_(plan=first))
+    plan, paths = as_found(plan, paths, radar, view.least_change_db)
+    again = verified(view, chosen, plan, paths)
     paths = again.paths
     kept = met(choices, again.errors, view, again.levels)
     _warn([_missed(kept, chosen, settings), _without_reflections(choices, view)])
     diagnostics = dict(paths.diagnostics)
     diagnostics |= {
         "method": "auto",
+        "plan": replace(first, shares=tuple(_at_level(share, level) for share in plan.shares)).to_dict("python"),
         "tolerance_db": settings.accuracy.channel_tolerance_db,
         "level_db": chosen.level.tolerance_db,
         "first_level_db": level.tolerance_db,

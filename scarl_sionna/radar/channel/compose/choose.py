@@ -79,6 +79,11 @@ class View:
         limit = self.settings.max_distance
         return self.radar.max_range if limit is None else limit
 
+    @property
+    def least_change_db(self) -> float:
+        """Change of an echo from which on a reflection counts [dB]."""
+        return max(min(self.settings.accuracy.channel_tolerance_db, self.rules.smallest_change_db), _LEAST_DB)
+
     @cached_property
     def items(self) -> list[Estimate]:
         """All instances, road users first, then the strongest by class."""
@@ -421,7 +426,6 @@ def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
     """Find out what the radar sees of objects, straight and over mirrors; return the mirrors that change most."""
     accuracy = view.settings.accuracy
     tolerance, floor = accuracy.channel_tolerance_db, accuracy.channel_floor_db
-    least = max(min(tolerance, view.rules.smallest_change_db), _LEAST_DB)
     candidates = view.candidates
     thin = pane_parts(view.state, view.radar.center_frequency, SbrSettings().pane_loss_db)
     mirror_view = MirrorView(view.state, view.radar, view.mount, (), candidates, view.settings.mirrors, thin)
@@ -437,7 +441,7 @@ def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
         is_faint = (
             choice.item.in_view and choice.item.bound_db < floor
         )  # there for what mirrors bring, whatever its class
-        for change in changes(own, candidates, view.reach, least, tolerance):
+        for change in changes(own, candidates, view.reach, view.least_change_db, tolerance):
             mixed = np.sqrt(max(change.field, own[0].field) * change.field)  # one of two ways goes over the mirror
             level = choice.item.level_db(float(mixed)) - floor
             if is_faint or level > 0.0:

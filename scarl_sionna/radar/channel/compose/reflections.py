@@ -1,22 +1,28 @@
 """What a radar sees of each object, straight and over mirrors, and which reflections can change its echo.
 
-A few rays to points of each object tell how much of it each way shows, image theory how strong the way is.
+A few rays to points of each object tell how much of it each way shows, image theory how strong the way is. What the
+paths then say counts more than what was planned: :func:`as_found`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
+from scarl_sionna.core.settings.plan import ChannelPlan
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
+from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.antenna import largest_field_gain
 
 from .budget import Surface, box_points
+from .expected_error import mean_power, owners
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches_over
 
@@ -53,6 +59,8 @@ looked at in vain costs some tubes."""
 WHOLE_SHARE = 1.0 / 64.0
 """A mirror that shows less than this share of an object's faces counts by less than its field, one that shows less than
 a quarter of it not at all: so it comes and goes smoothly, though few probes see it. docs/accuracy.md, jumps."""
+_SOON = 0.1
+"""Planned weight from which on a reflection counts by what it is found to change; below it comes smoothly."""
 _LIFT = 1e-4
 """Rays start this far above a face [m]: a guard against the rounding of float32 hits."""
 CLOSER = 16
@@ -259,6 +267,76 @@ def changes(
         if weight > 0.0 and sight.field > 0.0:
             found.append(Change(rise, sight.field, mirror, weight))
     return sorted(found, key=lambda change: (-change.change_db, -change.field, change.mirror.number))
+
+
+def as_found(plan: ChannelPlan, paths: RadarPaths, radar: RadarSpec, least_db: float) -> tuple[ChannelPlan, RadarPaths]:
+    r"""Return a plan and its paths with reflections that change an object by more than was expected as a whole.
+
+    Parameters
+    ----------
+    plan : ChannelPlan
+        Whose reflections have weights from 0 to 1.
+    paths : RadarPaths
+        That it has made.
+    radar : RadarSpec
+    least_db : float
+        Reflections that are found to change an object by more than this count as a whole [dB], above 0.
+
+    Notes
+    -----
+    Image theory, which the weights are planned by, takes an object to be as bright towards a mirror as towards the
+    radar. With the sum A of the paths of an object without a mirror, and B of those over it, both without the weight,
+    and the mean over the band, the mirror changes the echo by up to
+
+    .. math:: 20 \log_{10}\left(1 + \sqrt{\langle|B|^2\rangle / \langle|A|^2\rangle}\right)
+    """
+    legs = _Legs(paths, [int(item) for share in plan.shares if share.solver == "sbr" for item in share.instances])
+    scale, shares = np.ones(paths.num_paths), []
+    for share in plan.shares:
+        over = []
+        for reflection in share.reflections if share.solver == "sbr" else ():
+            weights = np.array(reflection.weights).reshape(-1, len(reflection.mirrors))
+            for row, place in np.argwhere((weights > 0.0) & (weights < 1.0)).tolist():
+                planned, item = float(weights[row, place]), int(reflection.instances[row])
+                times = legs.over(item, int(reflection.mirrors[place]))
+                change = _change_db(paths, radar, np.flatnonzero(legs.first == item), times, planned)
+                found = _rising(planned / _SOON) * _rising(2.0 * change / least_db - 1.0)
+                weights[row, place] = max(planned, found)
+                scale *= (weights[row, place] / planned) ** times
+            over.append(replace(reflection, weights=tuple(tuple(row) for row in weights.tolist())))
+        shares.append(replace(share, reflections=tuple(over)) if over else share)
+    if np.all(scale == 1.0):
+        return plan, paths
+    return replace(plan, shares=tuple(shares)), replace(paths, a=paths.a * scale[:, None, None])
+
+
+class _Legs:
+    """Over which mirrors the ways of paths go to the first of some objects, and from the last."""
+
+    def __init__(self, paths: RadarPaths, numbers: Sequence[int]) -> None:
+        self.instance = paths.instance
+        self.first, self.last = owners(paths, numbers), owners(paths, numbers, last=True)
+        own = np.isin(paths.instance, numbers)
+        self.before = np.cumsum(own, axis=1) == 0
+        self.behind = np.cumsum(own[:, ::-1], axis=1)[:, ::-1] == 0
+
+    def over(self, item: int, mirror: int) -> npt.NDArray[np.int64]:
+        """Return how many of the two ways of each path lead from or to an object over a mirror, shape (num_paths,)."""
+        here = self.instance == mirror
+        there = (self.first == item) & (here & self.before).any(axis=1)
+        back = (self.last == item) & (here & self.behind).any(axis=1)
+        return there.astype(np.int64) + back
+
+
+def _change_db(
+    paths: RadarPaths, radar: RadarSpec, rows: npt.NDArray[np.int64], legs: npt.NDArray[np.int64], weight: float
+) -> float:
+    """Return by how much paths over a mirror change an object [dB]: `rows` are its paths, `legs` their ways over it."""
+    own, legs = paths.select(rows), legs[rows]
+    own = replace(own, a=own.a / weight ** legs[:, None, None])
+    group = (legs > 0).astype(np.int64)
+    without, over = mean_power(own, radar, np.arange(len(rows)), group, 2, NUM_FREQUENCIES)
+    return float(20.0 * np.log10(1.0 + np.sqrt(over / max(without, 1e-300))))
 
 
 def _rising(place: float) -> float:
