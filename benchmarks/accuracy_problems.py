@@ -170,7 +170,7 @@ def common(
             poses,
             radar,
         ),
-        over("sbr", "max_phase", sbr_knobs(), "0.4 rad", state, poses, radar),
+        over("sbr", "max_phase", sbr_knobs(), "0.2 rad", state, poses, radar),
         over(
             "auto",
             "tolerance",
@@ -380,7 +380,7 @@ def two_ray() -> Problem:
             poses,
         ),
         over("sionna", "rays", [(f"{n:.0e}", {"num_samples": n}) for n in (20_000, 200_000)], "2e+05", state, poses),
-        over("sbr", "max_phase", sbr_knobs(), "0.4 rad", state, poses),
+        over("sbr", "max_phase", sbr_knobs(), "0.2 rad", state, poses),
         Curve(
             "hybrid",
             "tessellation of the ball",
@@ -459,7 +459,7 @@ def wall() -> Problem:
     mirrored = ChannelPlan((one,), ("wall",), echoes=False)
     curves = [
         *(curve for curve in common(state, poses) if curve.method != "auto"),
-        over("hybrid", "sbr's max_phase", through, "0.4 rad", state, poses),
+        over("hybrid", "sbr's max_phase", through, "0.2 rad", state, poses),
         over(
             "auto",
             "tubes",
