@@ -143,6 +143,16 @@ def test_the_first_solve_can_be_that_of_the_plan(state) -> None:
     assert 0 < both.diagnostics["second_look_tubes"] <= both.diagnostics["predicted"]["tubes"]
 
 
+def test_what_no_probe_saw_is_not_looked_at_for_nothing(state, monkeypatch) -> None:
+    """Tubes find what was planned to be hidden: a second look at it costs at least as many as have come back."""
+    fields = {"channel_tolerance_db": 6.0, "auto": {"look_share": 0.0}}
+    monkeypatch.setattr(verify, "num_tubes_of", lambda *_: 0)
+    paths = solved(state, **fields)
+    assert paths.num_paths and paths.diagnostics["num_looked_at"] == 0
+    looked = solved(state, **{**fields, "auto": {"look_share": 1.0}}).diagnostics
+    assert looked["num_looked_at"] == 2 and looked["second_look_tubes"] >= paths.num_paths
+
+
 def test_beyond_the_level_asked_for_objects_are_computed_only_if_that_is_hoped_to_be_enough(state) -> None:
     plain = solved(state, channel_tolerance_db=3.0, refine_share=0.0)
     expected = max(row["expected_error_db"] for row in rows(plain).values() if row["expected_error_db"])

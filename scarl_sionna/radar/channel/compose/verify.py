@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 import warnings
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -287,8 +288,12 @@ class _Work:
             self.spare -= spent
 
     def _cost(self, level: SbrLevel) -> dict[int, int]:
-        """Return the tubes of the objects that count at a level."""
-        return {number: self._tubes(choice, level) for number, choice in self.counted.items()}
+        """Return the tubes of the objects that count at a level: no fewer than the paths that each has already.
+
+        Tubes find what no probe has seen, for which nothing was planned.
+        """
+        found = Counter(owners(self.before, sorted(self.counted)).tolist())
+        return {number: max(self._tubes(choice, level), found[number]) for number, choice in self.counted.items()}
 
     def _tubes(self, choice: Choice, level: SbrLevel) -> int:
         """Return the tubes of an object at a level, over all of its ways."""
