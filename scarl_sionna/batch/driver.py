@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -124,10 +124,12 @@ def _export(
     started = perf_counter()
     clear_stale()  # here, too: an export that finds all of it finished, or its scene loaded, makes no folder of its own
     planning: list[str] = []
-    with noted_warnings(planning.append):
-        plan = plan_export(scenarios, settings.options, settings.licence, settings.description, settings.plan_file)
-    part = None if settings.part is None else f"{settings.part[0]}_of_{settings.part[1]}"
-    with _folder(out, plan, settings, part) as folder, _log_file(folder.root):
+    with ExitStack() as stack:
+        with noted_warnings(planning.append):
+            plan = plan_export(scenarios, settings.options, settings.licence, settings.description, settings.plan_file)
+            part = None if settings.part is None else f"{settings.part[0]}_of_{settings.part[1]}"
+            folder = stack.enter_context(_folder(out, plan, settings, part))
+        stack.enter_context(_log_file(folder.root))
         for text in planning:
             LOG.warning("planning: warning: %s", text)
         jobs, report = _jobs(plan, folder, settings)

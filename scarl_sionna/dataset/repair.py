@@ -51,14 +51,14 @@ def repair_folder(root: Path, dataset: Dataset, found: Verification) -> None:
             for scene, shard in sorted(damaged):
                 place = root / record_name(scene, shard)
                 try:
-                    files = list(ShardRecord.load(place).on_disk)
+                    named = list(ShardRecord.load(place).on_disk)
                 except (OSError, DatasetError):
-                    files = []
+                    named = []
+                files = [name for name in named if layout.owns(name) and layout.shard_of(name) == (scene, shard)]
                 _remove(root, record_name(scene, shard), found)  # first: without its record the shard is not there
-                removed += [name for name in files if layout.owns(name)]
+                removed += files
                 for name in files:
-                    if layout.owns(name):
-                        _remove(root, name, found)
+                    _remove(root, name, found)
                 found.removed.append((scene, shard))
             strays += [
                 name for scene in {scene for scene, _ in damaged} for name in _metadata_of_nothing(folder, scene)

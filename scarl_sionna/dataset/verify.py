@@ -30,12 +30,9 @@ from .store.layout import (
     is_temporary,
 )
 from .store.manifest import (
-    ARRAYS,
     BACKUP,
     FROM_PLAN,
-    IMAGES,
     MANIFEST,
-    SHARDS,
     ScenePlan,
     dump_manifest,
     manifest_data,
@@ -89,10 +86,11 @@ def verify(
         (scene, shard) for scene in dataset.plan.scenes for shard in range(scene.num_shards(dataset.plan.options))
     ]
     known: set[str] = set()
+    layout = Layout(dataset.plan)
     for position, (scene, shard) in enumerate(shards):
         on_shard(position, len(shards))
         found.num_planned += len(scene.shard_range(shard, dataset.plan.options))
-        found.add(_check_shard(dataset, scene, shard, found, known))
+        found.add(_check_shard(dataset, layout, (scene, shard), found, known))
     on_shard(len(shards), len(shards))
     if isinstance(dataset.files, LocalFiles):
         folder = dataset.files.root
@@ -110,9 +108,10 @@ def verify(
 
 
 def _check_shard(
-    dataset: Dataset, scene: ScenePlan, shard: int, found: Verification, known: set[str]
+    dataset: Dataset, layout: Layout, place: tuple[ScenePlan, int], found: Verification, known: set[str]
 ) -> Iterator[Fault]:
     """Yield what is wrong with a shard's record and files."""
+    scene, shard = place
     name = record_name(scene.name, shard)
     rows = dataset.manifest["shards"].get(scene.name, [])
     row = rows[shard] if shard < len(rows) else None
@@ -144,14 +143,16 @@ def _check_shard(
     expected = set(scene.shard_range(shard, dataset.plan.options))
     if set(record.frames) | set(record.failed) != expected or len(set(record.frames)) != len(record.frames):
         yield Fault(name, f"holds the frames {list(record.frames)}, planned are {sorted(expected)}", scene.name, shard)
-    known.update(record.on_disk)
+    known.update(file for file in record.on_disk if layout.shard_of(file) == (scene.name, shard))
     if (dataset.plan.options.layout == "packed") != (record.bundle is not None) or (
         record.bundle is not None and record.bundle[0] != bundle_name(scene.name, shard)
     ):
         yield Fault(name, "is not of the layout that the manifest states", scene.name, shard)
     damaged = False
     for file, (size, digest) in record.on_disk.items():
-        what, data = _check_file(dataset, file, size, digest)
+        what, data = _misplaced(layout, file, scene.name, shard), b""
+        if what is None:
+            what, data = _check_file(dataset, file, size, digest)
         if record.bundle is not None and what is None and data:
             dataset.scene(scene.name).hold(file, data)
         found.num_files += 1
@@ -165,10 +166,16 @@ def _check_shard(
             yield from _check_frame(dataset.scene(scene.name), index, shard)
 
 
+def _misplaced(layout: Layout, name: str, scene: str, shard: int) -> str | None:
+    """Return what is wrong with the name of a file in the record of a shard: another shard answers for it, or none."""
+    owner = layout.shard_of(name)
+    if owner is None:
+        return "is no place for data of a shard"
+    return None if owner == (scene, shard) else f"is no file of shard {shard} of {scene}, whose record names it"
+
+
 def _check_file(dataset: Dataset, name: str, size: int, digest: str) -> tuple[str | None, bytes]:
     """Return what is wrong with a file, and its bytes if they are few enough to be held."""
-    if name.split("/")[0] not in (ARRAYS, IMAGES, SHARDS):
-        return "is no place for data of a shard", b""
     found, length, parts = hashlib.sha256(), 0, []
     try:
         while data := dataset.files.read(name, length, length + _BLOCK):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import pickle
 import shutil
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +19,13 @@ from typer.testing import CliRunner
 
 from scarl_sionna.batch.estimate import _num_files
 from scarl_sionna.cli import app
-from scarl_sionna.core.errors import DatasetError, OutputError, ParameterRangeError
+from scarl_sionna.core.errors import DatasetError, OutputError, ParameterRangeError, ScarlWarning
 from scarl_sionna.dataset import StoreOptions, open_dataset, write_dataset
 from scarl_sionna.dataset.archive import archive_dataset
 from scarl_sionna.dataset.repack import repack_dataset
 from scarl_sionna.dataset.store.files import LocalFiles
 from scarl_sionna.dataset.store.records import ShardRecord
+from scarl_sionna.dataset.store.writer import DatasetFolder
 from scarl_sionna.dataset.verify import verify
 from tests.exports import contents
 from tests.frames import RIG, assert_same, make_frame
@@ -201,6 +204,46 @@ def test_a_record_that_cannot_be_is_refused(damaged, change, message) -> None:
     path.write_text(json.dumps(record))
     found = verify(damaged)
     assert any(message in str(fault) and fault.shard == 1 for fault in found.faults), found.faults
+
+
+def test_a_record_in_the_wrong_place_costs_no_other_shard(damaged, packed) -> None:
+    shutil.copy(damaged / "shards" / "b" / "000000.json", damaged / "shards" / "a" / "000000.json")
+    found = verify(damaged, repair=True)
+    assert any("is no file of shard 0 of a, whose record names it" in str(fault) for fault in found.faults)
+    assert found.removed == [("a", 0)]
+    assert_same(open_dataset(damaged).scene("b").frame(1).to_frame(), FRAMES[1])
+    assert verify(damaged).ok
+    write_dataset(damaged, RIG.to_dict(), SCENES, options=OPTIONS)
+    assert contents(damaged) == contents(packed)
+
+
+@pytest.mark.parametrize("how", ["lost", "cut", "with its manifests"])
+def test_a_shard_whose_zip_file_is_gone_is_made_again_with_a_warning(damaged, packed, how) -> None:
+    place = damaged / "shards" / "a" / "000001.zip"
+    if how == "cut":
+        os.truncate(place, 1000)
+    else:
+        place.unlink()
+    if how == "with its manifests":
+        for name in ("manifest.json", "manifest.backup.json"):
+            (damaged / name).unlink()
+        write_dataset(damaged, RIG.to_dict(), SCENES, options=OPTIONS)
+    else:
+        with pytest.warns(ScarlWarning, match=r"not in .* made again: shards/a/000001\.zip$"):
+            write_dataset(damaged, RIG.to_dict(), SCENES, options=OPTIONS)
+    assert contents(damaged) == contents(packed)
+    assert verify(damaged).complete
+
+
+def test_a_scene_that_moves_to_another_split_is_told(damaged) -> None:
+    plan = open_dataset(damaged).plan
+    scenes = tuple(replace(scene, split="test" if scene.name == "b" else scene.split) for scene in plan.scenes)
+    with (
+        pytest.warns(ScarlWarning, match=r"'b' moves from 'train' to 'test'$"),
+        DatasetFolder(damaged, replace(plan, scenes=scenes)) as folder,
+    ):
+        folder.finalize()
+    assert open_dataset(damaged).splits == {"train": ["a"], "val": [], "test": ["b"]}
 
 
 # -- numbers ---------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +14,7 @@ import pytest
 from scarl_sionna.dataset import StoreOptions, open_dataset
 from scarl_sionna.dataset.encoding import encode_frame
 from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan, dump_manifest, manifest_data
-from scarl_sionna.dataset.store.records import record_name
+from scarl_sionna.dataset.store.records import bundle_name, record_name
 from scarl_sionna.dataset.store.writer import DatasetFolder
 from scarl_sionna.dataset.verify import verify
 from scarl_sionna.fusion import Rig
@@ -68,6 +69,8 @@ def test_ten_thousand_frames_open_and_go_on_at_once(tmp_path) -> None:
             (out / "shards" / scene.name).mkdir()
             for number in range(PER_SCENE // 8):
                 (out / record_name(scene.name, number)).touch()
+                (out / bundle_name(scene.name, number)).touch()
+                os.truncate(out / bundle_name(scene.name, number), 10**6)  # of nothing: no block of the disk
         manifest = dump_manifest(manifest_data(planned, {scene.name: rows for scene in planned.scenes}))
         (out / "manifest.json").write_text(manifest)
         return out

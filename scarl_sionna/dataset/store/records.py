@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -177,12 +177,29 @@ def is_full(row: Row, scene: ScenePlan, shard: int, options: StoreOptions) -> bo
     return row is not None and row[1] == len(scene.shard_range(shard, options))
 
 
+def has_files(root: Path, record: ShardRecord) -> bool:
+    """Return whether all files that a record names are in a folder, with the sizes that it states."""
+    return all(_size(root / name) == size for name, (size, _) in record.on_disk.items())
+
+
+def _size(path: Path) -> int | None:
+    try:
+        return path.stat().st_size if path.is_file() else None
+    except OSError:
+        return None
+
+
 def shard_rows(
-    files: Files, scene: ScenePlan, options: StoreOptions, known: Sequence[Row] = ()
+    files: Files,
+    scene: ScenePlan,
+    options: StoreOptions,
+    known: Sequence[Row] = (),
+    on_lost: Callable[[str], None] = lambda text: None,
 ) -> tuple[list[Row], dict[str, Any]]:
     """Return checksum, frames, failed frames and bytes of each finished shard, and the arrays.
 
-    None for a shard that is not finished.
+    None for a shard that is not finished, or whose ZIP file is not there with the size that its record states (in an
+    object store: not there); of those `on_lost` is told.
 
     A shard that `known` lists with all of its frames is not read again: its record is the largest part of a large
     dataset's bookkeeping. The arrays are those of the shards that were read.
@@ -196,19 +213,26 @@ def shard_rows(
         if not ((root / name).is_file() if root is not None else name.rpartition("/")[2] in there):
             rows.append(None)
             continue
-        if shard < len(known) and is_full(known[shard], scene, shard, options):
-            rows.append(known[shard])
-            continue
-        try:
-            text = files.read(name)
-            record = ShardRecord.parse(text)
-        except DatasetUnreachable:
-            raise
-        except (FileNotFoundError, NotADirectoryError, InputFileError, DatasetError):
+        row, found = known[shard] if shard < len(known) else None, dict[str, ArrayInfo]()
+        if not is_full(row, scene, shard, options):
+            try:
+                text = files.read(name)
+                record = ShardRecord.parse(text)
+            except DatasetUnreachable:
+                raise
+            except (FileNotFoundError, NotADirectoryError, InputFileError, DatasetError):
+                rows.append(None)
+                continue
+            row = [hashlib.sha256(text).hexdigest(), len(record.frames), sorted(record.failed), record.num_bytes]
+            found = dict(record.arrays)
+        bundle = bundle_name(scene.name, shard)
+        in_place = bundle.rpartition("/")[2] in there if root is None else [_size(root / bundle)] == (row or [])[3:4]
+        if options.layout == "packed" and not in_place:
+            on_lost(bundle)
             rows.append(None)
             continue
-        rows.append([hashlib.sha256(text).hexdigest(), len(record.frames), sorted(record.failed), record.num_bytes])
-        arrays.update(record.arrays)
+        rows.append(row)
+        arrays.update(found)
     return rows, arrays
 
 

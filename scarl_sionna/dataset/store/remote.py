@@ -235,7 +235,9 @@ class RemoteFolder(DatasetFolder):
     def _write_manifest(self, known: Mapping[str, list[Row]], there: dict[str, Any] | None) -> dict[str, Any]:
         """Put card, copy of the manifest and manifest, those that differ; the manifest first where there is none."""
         for scene in self.plan.scenes:
-            self.rows[scene.name], _ = shard_rows(self.target, scene, self.plan.options, known.get(scene.name, []))
+            self.rows[scene.name], _ = shard_rows(
+                self.target, scene, self.plan.options, known.get(scene.name, []), self._lost.append
+            )
         data = manifest_data(self.plan, {scene.name: self.rows[scene.name] for scene in self.plan.scenes})
         manifest = dump_manifest(data)
         texts = {CARD: dataset_card(data), BACKUP: manifest, MANIFEST: manifest}

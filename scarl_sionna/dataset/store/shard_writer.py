@@ -18,7 +18,7 @@ from scarl_sionna.core.errors import OutputError
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
 
 from .files import Batch, LocalFiles, holds_text, make_folder, output_error, write_whole
-from .layout import WORK_FOLDER, clear_work
+from .layout import WORK_FOLDER, clear_work, remove_file
 from .locks import FileLock
 from .manifest import ScenePlan
 from .packs import Pack, is_whole, write_pack
@@ -26,6 +26,7 @@ from .records import (
     ShardRecord,
     array_key,
     bundle_name,
+    has_files,
     image_name,
     meta_name,
     metadata_texts,
@@ -181,6 +182,9 @@ class ShardWriter:
     def _look(self) -> None:
         """Find out what is there already."""
         record = read_record(self.root, self.scene.name, self.shard)
+        if record is not None and not has_files(self.root, record):
+            remove_file(self.root / record_name(self.scene.name, self.shard))  # all is made again
+            record = None
         if record is not None and set(record.frames) >= set(self.frames):
             self._complete = True
             clear_work(self.work)  # of a run that was killed after it had put the shard in place

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +50,7 @@ from .manifest import (
     plan_of,
     recover_manifest,
 )
-from .records import Row, ShardRecord, is_full, meta_name, metadata_texts, record_name, shard_rows
+from .records import Row, ShardRecord, has_files, is_full, meta_name, metadata_texts, record_name, shard_rows
 from .shard_writer import ShardWriter, tidy_shard
 from .shards import group_metadata
 
@@ -80,6 +80,12 @@ class DatasetFolder:
     given : Path
         The folder as the caller names it, for messages.
 
+    Warns
+    -----
+    ScarlWarning
+        On entering, if ZIP files of finished shards are not there with the size that was written, so that these shards
+        are made again, or if scenes that are there move to another split.
+
     Raises
     ------
     OutputError
@@ -101,6 +107,7 @@ class DatasetFolder:
         self.root = self.given.absolute()  # the same folder after `os.chdir`
         self.plan, self.overwrite, self.part, self.repair = plan, overwrite, part, repair
         self.rows: dict[str, list[Row]] = {}
+        self._lost: list[str] = []
         self._stack = ExitStack()
 
     def __enter__(self) -> DatasetFolder:
@@ -112,6 +119,7 @@ class DatasetFolder:
                     self.root, "manifest", timeout=MANIFEST_SECONDS, what="another export writes the manifest"
                 ):
                     self._prepare()
+                    self._tell_lost()
                 self._stack = stack.pop_all()
         except OSError as error:
             if isinstance(error, OutputError):
@@ -162,6 +170,15 @@ class DatasetFolder:
                 FileLock(self.root, f"{_RUN}_{self.part}", what=f"another export of the part {self.part}")
             )
 
+    def _tell_lost(self) -> None:
+        """Warn of ZIP files that are not there: without them their shards are not finished."""
+        if self._lost and not self.repair:
+            warnings.warn(
+                f"not in {self.address} with the size that was written, and made again: {_first(self._lost)}",
+                ScarlWarning,
+                stacklevel=4,
+            )
+
     def _prepare(self) -> None:
         there = self._check_foreign()
         clear_temporaries(self.root, sheet=self.part is None)
@@ -187,10 +204,18 @@ class DatasetFolder:
             return True
         changes = self.plan.changes(old)
         if changes and is_begun:
-            shown = "; ".join(changes[:5]) + (f"; and {len(changes) - 5} more" if len(changes) > 5 else "")
             raise OutputError(
-                f"{self.address} holds frames of another configuration ({shown}); choose another folder or overwrite"
+                f"{self.address} holds frames of another configuration ({_first(changes, '; ')}); choose another "
+                "folder or overwrite"
             )
+        splits = {scene.name: scene.split for scene in old.scenes}
+        moved = [
+            f"'{scene.name}' moves from '{splits[scene.name]}' to '{scene.split}'"
+            for scene in self.plan.scenes
+            if splits.get(scene.name, scene.split) != scene.split
+        ]
+        if moved and not changes:
+            warnings.warn(f"splits of {self.address}: {_first(moved)}", ScarlWarning, stacklevel=4)
         self.plan = self.plan if changes else self.plan.merged(old)
         return [(s.name, s.num_frames) for s in self.plan.scenes] != [(s.name, s.num_frames) for s in old.scenes]
 
@@ -224,9 +249,8 @@ class DatasetFolder:
                 scenes = self._changed(there.plan)
                 found = foreign_data(self.root, Layout(self.plan), there.layout(scenes), scenes)
         if found:
-            shown = ", ".join(found[:5]) + (f" and {len(found) - 5} more" if len(found) > 5 else "")
             raise OutputError(
-                f"{self.root} holds other files ({shown}) {where}; they are kept: choose another folder, "
+                f"{self.root} holds other files ({_first(found)}) {where}; they are kept: choose another folder, "
                 "or move them away"
             )
         return there
@@ -260,7 +284,7 @@ class DatasetFolder:
                     f"{self.root} has lost its {MANIFEST}, and {name} is of another "
                     "configuration; give the configuration that made it, choose another folder or overwrite"
                 )
-            if any(_size(self.root / file) != size for file, (size, _) in record.on_disk.items()):
+            if not has_files(self.root, record):
                 remove_file(self.root / name)  # of an overwrite that was stopped: it is made again
         return self.plan if records else None
 
@@ -312,7 +336,7 @@ class DatasetFolder:
         texts: dict[str, str] = {}
         for scene in self.plan.scenes:
             self.rows[scene.name], arrays = shard_rows(
-                LocalFiles(self.root), scene, self.plan.options, known.get(scene.name, [])
+                LocalFiles(self.root), scene, self.plan.options, known.get(scene.name, []), self._lost.append
             )
             texts.update(metadata_texts(scene, arrays, self.plan.options))
         data = manifest_data(self.plan, {scene.name: self.rows[scene.name] for scene in self.plan.scenes})
@@ -392,6 +416,12 @@ class There:
         return Layout(self.plan, names)
 
 
+def _first(items: Sequence[str], between: str = ", ") -> str:
+    """Return the first five of some texts, and how many more there are."""
+    more = [f"and {len(items) - 5} more"] if len(items) > 5 else []
+    return between.join([*items[:5], *more])
+
+
 def _is_of_scene(name: str, scene: str) -> bool:
     return any(name.startswith(f"{folder}/{scene}/") for folder in DATA_FOLDERS)
 
@@ -399,13 +429,6 @@ def _is_of_scene(name: str, scene: str) -> bool:
 def _is_group(path: Path) -> bool:
     """Return whether a file is the metadata of an empty group, which an export writes as it begins."""
     return path.name == METADATA and holds_text(path, group_metadata())
-
-
-def _size(path: Path) -> int | None:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return None
 
 
 def _write_if_other(root: Path, name: str, text: str) -> None:
