@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.arrays.rows import row_any, row_max
+from scarl_sionna.core.arrays.rows import row_any, row_max, row_norm
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.rays.face_planes import FaceTable
@@ -24,6 +24,9 @@ Mask = npt.NDArray[np.bool_]
 WIDE_FACE = 0.5
 """Faces that look wider than this [rad] are never sorted out before they are cut into patches, which are tested alone:
 decides the time, not the accuracy."""
+
+_ROUNDING = 1e-9
+"""Of angles [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +104,24 @@ class Viewpoint:
         points = np.concatenate([corners, middle(corners)[:, None]], axis=1)
         return row_any(self.sees(points.reshape(-1, 3)).reshape(-1, 4))
 
+    def may_hold(self, center: Array, radius: Array) -> Mask:
+        """Return of which balls a part may be in the field of view, shape (n,): of no other ball is there any.
+
+        Parameters
+        ----------
+        center : ndarray of float64, shape (n, 3)
+            [m, world].
+        radius : ndarray of float64, shape (n,)
+            [m].
+        """
+        azimuth, elevation, distance = self.outside(center)
+        width = np.arcsin(np.minimum(radius / np.maximum(distance, 1e-9), 1.0))
+        high = elevation + self.elevation_fov / 2.0
+        over_pole = width + high >= np.pi / 2.0
+        cosine = np.cos(np.where(over_pole, 0.0, high))
+        across = np.where(over_pole, np.pi, np.arcsin(np.minimum(np.sin(width) / cosine, 1.0)))
+        return np.asarray((azimuth <= across + _ROUNDING) & (elevation <= width + _ROUNDING))
+
     def may_see(self, faces: FaceTable, rows: Index, reach: float) -> Mask:
         """Return of which of some faces a part may be in the field of view and in reach, and that are not edge-on."""
         corners, normal, offset = (
@@ -109,9 +130,7 @@ class Viewpoint:
         center = middle(corners)
         arm = corners - center[:, None]
         radius = np.sqrt(row_max(np.einsum("nij,nij->ni", arm, arm)))
-        azimuth, elevation, distance = self.outside(center)
-        width = np.arcsin(np.minimum(radius / np.maximum(distance, 1e-9), 1.0))
-        cosine = np.cos(np.minimum(elevation + self.elevation_fov / 2.0, 1.4))
-        inside = (azimuth <= width / cosine) & (elevation <= width) | (width > WIDE_FACE)
+        distance = row_norm(center - self.pose.position)
+        inside = self.may_hold(center, radius) | (radius > np.sin(WIDE_FACE) * distance)
         height = np.abs(normal @ self.pose.position - offset)
         return inside & (distance - radius < reach) & (height > GRAZING * distance) & row_any(normal)

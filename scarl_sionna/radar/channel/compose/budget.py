@@ -122,6 +122,10 @@ class Estimates:
         return cell_unit(self.radar)
 
     @cached_property
+    def _station(self) -> Viewpoint:
+        return Viewpoint.of(self.radar, self.pose, np.zeros(3))
+
+    @cached_property
     def _reflectivity(self) -> Array:
         return class_reflectivity()
 
@@ -136,7 +140,7 @@ class Estimates:
         distance = max(float(np.linalg.norm(nearest - pose.position)), 1e-3)
         direction = _unit(pose.position - box.position)
         sides = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]]) * 4.0
-        in_view, gain = _view(radar, pose, box, info.size, nearest)
+        in_view, gain = _view(radar, self._station, box, info.size, nearest)
         area = min(float(np.abs(direction @ box.rotation) @ sides), view_width(radar, info) * distance)
         semantic = SEMANTIC_CLASSES[info.semantic]
         mean = float(self._reflectivity[info.semantic]) * area
@@ -362,29 +366,19 @@ def _areas_of(world: World) -> Array:
 _areas: WeakKeyDictionary[World, Array] = WeakKeyDictionary()
 
 
-def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) -> tuple[bool, float]:
+def _view(radar: RadarSpec, station: Viewpoint, box: Pose, size: Array, nearest: Array) -> tuple[bool, float]:
     """Return whether a box may be in view, and the antenna's largest power gain over it.
 
     The box is taken as its sphere; one wider than 20 deg as if it stood where the antenna is best.
     """
-    center, radius = box.position - pose.position, float(np.linalg.norm(size)) / 2.0
-    far = float(np.linalg.norm(center))
-    fov = np.radians([radar.azimuth_fov_deg, radar.elevation_fov_deg])
+    pose, radius = station.pose, float(np.linalg.norm(size)) / 2.0
+    far = float(np.linalg.norm(box.position - pose.position))
+    may_hold = bool(station.may_hold(box.position[None], np.array([radius]))[0])
     if far <= radius or np.arcsin(radius / far) > WIDE_BOX:
         x, y, _ = (nearest - pose.position) @ pose.rotation
-        behind = far > radius and np.abs(np.arctan2(y, x)) > fov[0] / 2.0 and _outside(pose, center, radius, fov)
+        behind = far > radius and np.abs(np.arctan2(y, x)) > station.azimuth_fov / 2.0 and not may_hold
         return not behind, float(largest_field_gain(radar.array, boresights(radar.array)).max()) ** 2
     signs = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)] + [(0, 0, 0)]) / 2.0
     corners = (box.apply(signs * size) - pose.position) @ pose.rotation
     gain = float(largest_field_gain(radar.array, corners).max()) ** 2
-    return not _outside(pose, center, radius, fov), gain
-
-
-def _outside(pose: Pose, center: Array, radius: float, fov: Array) -> bool:
-    x, y, z = center @ pose.rotation
-    far = float(np.linalg.norm(center))
-    spread = np.arcsin(min(radius / far, 1.0)) if far > 0.0 else np.pi
-    return bool(
-        abs(np.arctan2(y, x)) - spread > fov[0] / 2.0
-        or abs(np.arcsin(np.clip(z / max(far, 1e-9), -1.0, 1.0))) - spread > fov[1] / 2.0
-    )
+    return may_hold, gain

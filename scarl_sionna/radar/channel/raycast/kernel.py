@@ -228,8 +228,7 @@ class RaycastKernel:
             "ray" (num_hits, 3), in the radar frame, and "part".
         """
         if not len(hits.ray):
-            vectors = {name: np.zeros((0, 3)) for name in ("point", "velocity", "amplitude", "ray")}
-            return {**vectors, "length_rate": np.zeros(0), "part": np.zeros(0, dtype=np.int64)}
+            return no_columns()
         on, dr = self._on, self._on.dr
         local, ray = self._directions(on.index(hits.ray))
         hit = self._hit(local, ray, on.index(hits.face), on.single(hits.distance))
@@ -301,6 +300,12 @@ class RaycastKernel:
         hit = np.unique(self._faces.part_on_host[face[face >= 0]])
         for part in hit[~self._covered[hit]]:
             self._materials[part].at(self._frequency)
+
+
+def no_columns() -> dict[str, npt.NDArray[Any]]:
+    """Return :meth:`RaycastKernel.columns` of no hits."""
+    vectors = {name: np.zeros((0, 3)) for name in ("point", "velocity", "amplitude", "ray")}
+    return {**vectors, "length_rate": np.zeros(0), "part": np.zeros(0, dtype=np.int64)}
 
 
 class _Complex:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core import seeds
+from scarl_sionna.core.arrays.rows import row_norm
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
@@ -26,10 +27,11 @@ from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.compose.plan import ids_of
 from scarl_sionna.radar.link import received_amplitude
+from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
 
 from .grid import RayGrid
-from .kernel import Hits, RaycastKernel, Task
+from .kernel import Hits, RaycastKernel, Task, no_columns
 from .thinning import thin
 
 if TYPE_CHECKING:
@@ -74,7 +76,7 @@ def solve_raycast(
     Returns
     -------
     RadarPaths
-        In ray order; empty where nothing is hit.
+        In ray order; empty where nothing is hit. No ray is cast if nothing of `instances` can be in view and in reach.
 
     Raises
     ------
@@ -126,11 +128,16 @@ def solve_raycast(
         "hit_phase": knobs.hit_phase,
         "grid": knobs.grid,
         "max_distance": reach,
-        "hits_per_cell": None,
+        "num_hits": 0,
+        "hits_per_cell": knobs.hits_per_cell if knobs.hit_phase == "rough" else None,
     }
+    task = Task(rays_of, knobs, reach, owned, by_material)
+    if not _may_hit(state, Viewpoint.of(radar, pose, np.zeros(3)), task):
+        nothing = no_columns()
+        nothing["a"] = _transfer(nothing, None, None)
+        return _paths(nothing, state, mount, rays_of, dict.fromkeys(("cast", "thin", "amplitude"), 0.0), chosen)
     with variant.optical() as mi:
         start = time.perf_counter()
-        task = Task(rays_of, knobs, reach, owned, by_material)
         kernel = RaycastKernel(StateRays(mi, state, pose.position), state, radar, mount, task)
         found = Hits.joined(
             [
@@ -146,13 +153,20 @@ def solve_raycast(
             tiny = np.finfo(np.float64).tiny ** 0.5
             kept, growth = thin(found.cell, np.maximum(received, tiny), knobs.hits_per_cell)
             found = found.of(kept)
-            chosen["hits_per_cell"] = knobs.hits_per_cell
         thinned = time.perf_counter()
         columns = kernel.columns(found)
     phases = _fixed_phases(knobs.hit_phase, rays_of.num_rays)
     columns["a"] = _transfer(columns, None if phases is None else np.take(phases, found.ray), growth)
     clock = {"cast": cast - start, "thin": thinned - cast, "amplitude": time.perf_counter() - thinned}
     return _paths(columns, state, mount, rays_of, clock, chosen)
+
+
+def _may_hit(state: WorldState, station: Viewpoint, task: Task) -> bool:
+    """Return whether a part that gives paths may be in the field of view and in reach, by its box."""
+    lower, upper = (bound[task.owned] for bound in state._bounds)
+    position = station.pose.position
+    near = row_norm(np.clip(position, lower, upper) - position) < task.reach
+    return bool((near & station.may_hold((lower + upper) / 2.0, row_norm(upper - lower) / 2.0)).any())
 
 
 def _received(columns: dict[str, npt.NDArray[Any]], radar: RadarSpec) -> Array:
