@@ -22,7 +22,7 @@ import scarl_sionna as ss
 from benchmarks.harness import machine, write_block
 from benchmarks.street_scenes import PLACES
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.radar.channel.compose.choose import View, choose, counts, planned_error
+from scarl_sionna.radar.channel.compose.choose import View, choose, counts, expected_error
 
 BUDGETS = (1_000_000, 300_000, 100_000, 50_000)
 
@@ -38,7 +38,7 @@ def planned(name: str, when: float, budget: int) -> tuple[int, str]:
     own = [choice for choice in own if counts(choice, view.rules)]
     by_class = sum(choice.over_budget for choice in own)
     without = sum(choice.without is not None and choice.without.change_db > 1.0 for choice in own)
-    kept = planned_error(own, chosen.level, view.rules) if own else 0.0
+    kept = expected_error(chosen, view.rules)
     return len(own), f"{chosen.level.tolerance_db:g}: {by_class} / {without}, {kept:.1f}"
 
 

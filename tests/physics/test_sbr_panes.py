@@ -11,6 +11,7 @@ from benchmarks.corner_range import corner
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.optics.faces.panes import pane_parts
 from scarl_sionna.scene.materials.fresnel import transmission
+from scarl_sionna.scene.materials.table import builtin_materials
 from scarl_sionna.scene.motion.trajectory import WaypointTrajectory
 from tests.kernels import kernels
 from tests.scenes import Material, Thing, box, plane, write_scene
@@ -182,3 +183,30 @@ def test_a_ground_bounce_passes_a_sheet(tmp_path, material, seen) -> None:
     number = {info.name: key for key, info in state.world.instances.items()}
     over = (paths.instance == number["ground"]).any(axis=1) & (paths.instance == number["target"]).any(axis=1)
     assert bool(over.any()) == seen
+
+
+def test_over_a_mirror_a_sheet_takes_its_transmission_behind_it_and_all_before_it(tmp_path) -> None:
+    """A sheet across the ground bounce alone, as far from the plate as from the radar; VV is TM."""
+    ground = Thing("ground", plane(64.0, 32.0, (0, 0, -1.0)), "Roads", "steel", is_object=False)
+    share = ss.Share("sbr", ("target",), SETTINGS, through_mirrors=True)
+    plan = ss.ChannelPlan((share,), ("ground",), echoes=False)
+
+    def bounces(name: str, *more: Thing) -> list[float]:
+        """Return the amplitudes of the plate over the ground one way, the other way, and both ways."""
+        state = ss.load_scene(write_scene(tmp_path / name, [PLATE, ground, *more], materials=MATERIALS)).at(0.0)
+        paths = ss.solve_paths(state, RADAR, ss.Pose(), "hybrid", plan=plan, max_distance=40.0)
+        found = []
+        for chain in ([2, 1, -1], [1, 2, -1], [2, 1, 2]):
+            own = paths.select((paths.instance[:, :3] == chain).all(axis=1))
+            found.append(abs(own.a[:, 0, 0] @ np.exp(-2j * np.pi / RADAR.wavelength * own.length)))
+        return found
+
+    def sheet(distance: float) -> Thing:
+        return Thing("pane", plane(0.6, 0.6, (distance, 0, -0.45), (-1, 0, 0)), "Static", "sheet")
+
+    free, before, behind = bounces("free"), bounces("before", sheet(1.0)), bounces("behind", sheet(9.0))
+    layer = builtin_materials()["plastic"]
+    _, tm = transmission(layer, RADAR.center_frequency, 5.0 / np.sqrt(26.0))
+    kept = float(abs(tm)) * np.sqrt(1.0 - layer.scattering_coefficient**2)
+    assert np.divide(behind, free) == pytest.approx([kept, kept, kept**2], rel=0.02) and kept < 0.95
+    assert min(free) > 0.0 and before == [0.0, 0.0, 0.0]

@@ -159,6 +159,14 @@ def test_options_of_raycast_reach_it_and_the_plan_can_be_changed(state) -> None:
         solve_paths(state, RADAR, POSE, max_distance=-1.0)
 
 
+def test_the_plan_does_not_depend_on_the_number_of_rays(platoon) -> None:
+    """The budget is one of tubes, and spent whole, so that any other number would move objects to another method."""
+    plans = [plan_channel(platoon, RADAR, POSE, tube_budget=5_000, num_rays=rays) for rays in (10**6, 250_000, 2_000)]
+    assert {share.solver for share in plans[0].shares} == {"sbr", "raycast"} and plans[0].predicted["tubes"] > 0
+    first, *others = ({**plan.to_dict(), "predicted": plan.predicted["tubes"]} for plan in plans)
+    assert all(other == first for other in others)
+
+
 def test_same_bytes_twice_and_plain_diagnostics(state, paths) -> None:
     again = solve_paths(state, RADAR, POSE, settings=SETTINGS)
     for name, value in vars(paths).items():
@@ -356,6 +364,11 @@ def test_the_plan_says_what_it_expects_and_the_paths_whether_it_is_met(state, pa
     plan = plan_channel(state, RADAR, POSE, settings=SETTINGS)
     assert plan.predicted["tubes"] == sum(entry["tubes"] for entry in choices(paths).values()) > 0
     assert paths.diagnostics["predicted"] == dict(plan.predicted)
+    rules = AutoSettings()
+    asked, class_db = level_of(1.0), rules.errors.by_class_db
+    for budget, error in ((10**9, 20.0 * np.log10(1.0 + asked.patch_error)), (0, class_db)):
+        said = plan_channel(state, RADAR, POSE, settings=SETTINGS, tube_budget=budget).predicted
+        assert said["expected_error_db"] == pytest.approx(error, abs=0.005)
     with pytest.warns(ScarlWarning, match=r"expected to be within 38\.0 dB, the tolerance is 1 dB"):
         poor = solve_paths(state, RADAR, POSE, settings=SETTINGS, tube_budget=0)
     assert poor.diagnostics["met"] is False and poor.diagnostics["expected_error_db"] >= 38.0

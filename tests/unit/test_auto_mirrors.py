@@ -23,7 +23,7 @@ from scarl_sionna.radar.channel.compose.expected_error import levels_db
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
 from scarl_sionna.radar.channel.compose.reflections import WHOLE_SHARE, Sight, changes, sights
-from tests.scenes import Material, Thing, box, plane, write_scene
+from tests.scenes import Material, Thing, ball, box, plane, write_scene
 
 RADAR = RadarSpec()
 COARSEST = Accuracy(channel_tolerance_db=6.0)
@@ -168,6 +168,43 @@ def test_a_wall_behind_the_radar_whose_ghost_is_in_view_is_a_mirror_and_no_body(
     paths = solve_paths(state, RADAR, POSE, num_rays=20_000, max_distance=30.0)
     both = paths.is_mirror_chain & (paths.depth == 2)
     assert both.any() and paths.length[both] / 2.0 == pytest.approx(12.0 + 5.0, abs=1e-3)
+
+
+def test_a_body_behind_the_radar_whose_ghost_in_a_wall_is_in_view_is_computed(tmp_path) -> None:
+    """There over the wall and back over the wall: twice the way to its image."""
+    things = [
+        Thing("wall", box((0.2, 20, 6), (10.1, 0, 3)), "Wall", "steel"),
+        Thing("ball", ball(0.3, (-3.0, 1.5, 0.6), 5), "Static", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    paths = solve_paths(state, RADAR, POSE, num_rays=20_000)
+    found = choices(paths)["ball"]
+    assert (found["method"], found["reason"]) == ("sbr", "out of view, its ghosts are not")
+    assert found["mirrors"] == ["wall"] and found["visible_share"] == 0.0
+    ghost = paths.select((paths.instance == 2).any(axis=1))
+    assert np.unique(ghost.instance[:, :3], axis=0).tolist() == [[1, 2, 1]]
+    image = np.hypot(2 * 10.0 + 3.0, 1.5)
+    assert ghost.length.min() / 2.0 == pytest.approx(image - 0.3, abs=1e-3)
+    theory = -20.0 * np.log10(image**2) + 10.0 * np.log10(np.pi * 0.3**2 * RADAR.wavelength**2 / (4.0 * np.pi) ** 3)
+    assert levels_db(ghost, RADAR, [2])[2] == pytest.approx(theory, abs=0.3)
+
+
+def test_a_wall_that_comes_into_range_changes_an_object_without_a_step(tmp_path) -> None:
+    """Its ghost over a wall across the way is hardly farther than the wall: both come into range."""
+    things = [
+        Thing("wall", box((0.2, 60, 8), (256.2, 0, 4)), "Wall", "steel"),
+        Thing("ball", ball(0.5, (200.0, 6.0, 1.0), 5), "Static", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    levels: list[float] = []
+    over: list[tuple[bool, int]] = []
+    for place in (0.095, 0.099, 0.101, 0.103, 0.15, 0.2, 0.25, 0.3, 0.35):
+        pose = Pose([float(place), 0.0, 0.8])
+        paths = solve_paths(state, RADAR, pose, num_rays=2_000, max_distance=256.0)
+        levels.append(levels_db(paths, RADAR, [2])[2])
+        over.append((choices(paths)["ball"]["mirrors"] == ["wall"], int((paths.depth > 1).sum())))
+    assert over[1] == (False, 0) and over[2][0] and over[-1][0] and over[-1][1] > 0
+    assert np.abs(np.diff(levels)).max() < 0.5
 
 
 SIDE = ((12.0, 0.1, 3.0), (8.0, 4.05, 2.0))

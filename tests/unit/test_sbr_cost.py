@@ -197,7 +197,7 @@ def test_a_plan_by_hand_is_made_coarser_too(state) -> None:
 
 def test_auto_spends_no_more_than_any_budget_and_says_which(state) -> None:
     whole = plan_channel(state, RADAR, POSE, **UNLIMITED)
-    assert {"tubes", "cpu_seconds", "memory_gib", "tolerance_db"} == set(whole.predicted)
+    assert {"tubes", "cpu_seconds", "memory_gib", "tolerance_db", "expected_error_db"} == set(whole.predicted)
     of_optics = AutoSettings().tubes.seconds  # without planning, clutter and second look, which `predicted` has
     half = of_optics * whole.predicted["tubes"] / 2.0
     plan = plan_channel(state, RADAR, POSE, cpu_budget=half)

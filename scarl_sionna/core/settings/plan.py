@@ -230,7 +230,9 @@ class ChannelPlan(Described):
         ``instance`` is not among those that ``"*"`` stands for.
     predicted : mapping
         What the maker of the plan expects: ``tubes``, ``cpu_seconds`` of the whole solve by `auto` with planning,
-        clutter and second look, ``memory_gib`` and ``tolerance_db``; empty for a plan by hand.
+        clutter and second look, ``memory_gib``, ``tolerance_db`` and ``expected_error_db``, the error that 90 % of the
+        objects that count keep by the level and by what the budget leaves to class or without reflections; empty for a
+        plan by hand.
 
     Raises
     ------

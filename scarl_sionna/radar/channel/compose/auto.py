@@ -26,7 +26,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
 from .budget import affordable_tubes, sbr_settings
-from .choose import Chosen, View, choose, expected_seconds, level_of
+from .choose import Chosen, View, choose, expected_error, expected_seconds, level_of
 from .hybrid import solve_hybrid
 from .left_out.entries import beyond_last_bounce, left_out
 from .mirror_chains import possible_chains
@@ -236,7 +236,9 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
     seconds = round(expected_seconds(view, chosen, first_level(view, chosen)), 2)
     memory = round(SolveCost(patches=sum(choice.patches for choice in choices)).memory_gib, 2)
     level = chosen.level.tolerance_db
+    error = round(expected_error(chosen, view.rules), 2)
     predicted = {"tubes": float(tubes), "cpu_seconds": seconds, "memory_gib": memory, "tolerance_db": level}
+    predicted["expected_error_db"] = error
     knobs = view.settings.sionna
     only_mirrors = knobs.specular and not (knobs.diffuse or knobs.refraction or knobs.diffraction)
     return ChannelPlan(

@@ -338,6 +338,13 @@ def planned_error(counted: Sequence[Choice], level: SbrLevel, rules: AutoSetting
     return errors[int(np.ceil(ENOUGH * len(errors))) - 1]
 
 
+def expected_error(chosen: Chosen, rules: AutoSettings) -> float:
+    """Return the error that enough of the objects that count keep by what the budget pays for [dB], 0 of none."""
+    own = [choice for choice in chosen.choices if choice.method in ("sbr", "scatterers") or choice.over_budget]
+    counted = [choice for choice in own if counts(choice, rules)]
+    return planned_error(counted, chosen.level, rules) if counted else 0.0
+
+
 def computed_error(level: SbrLevel) -> float:
     """Return the expected error of an object that is computed at a level, by its patches [dB].
 
@@ -377,7 +384,9 @@ def expected_seconds(view: View, chosen: Chosen, first_level: SbrLevel) -> float
     optics = cost.least * bool(own) + _seconds_at(view, own, first_level)
     if chosen.level != first_level:
         optics += cost.again * _seconds_at(view, own, chosen.level)
-    return cost.ray * view.settings.raycast.num_rays + cost.instance * len(view.items) + optics
+    cast = any(choice.method == "raycast" and choice.item.in_view for choice in chosen.choices)
+    rays = view.settings.raycast.num_rays if cast else 0
+    return cost.ray * rays + cost.instance * len(view.items) + optics
 
 
 def _seconds_at(view: View, own: Sequence[Choice], level: SbrLevel) -> float:
