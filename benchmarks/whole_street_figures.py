@@ -11,7 +11,11 @@ import numpy as np
 
 from benchmarks.harness import write_block
 
-KINDS = {"field": "random fields of bodies", "street": "frames of the ready scenes"}
+KINDS = {
+    "field": "random fields of bodies",
+    "crowd": "crowds of vehicles",
+    "street": "frames of the ready scenes",
+}
 TOLERANCE = {"auto 3 dB": 3.0, "auto 1 dB": 1.0, "auto 0.3 dB": 0.3}
 
 
@@ -40,8 +44,9 @@ def draw(lines: Sequence[dict[str, Any]], file: Path) -> None:
     import matplotlib.pyplot as plt
 
     methods = list(dict.fromkeys(method for line in lines for method in line["methods"]))
-    figure, axes = plt.subplots(1, len(KINDS), figsize=(10.5, 4.2), sharey=True, layout="constrained")
-    for place, (kind, title) in zip(axes, KINDS.items(), strict=True):
+    kinds = {kind: title for kind, title in KINDS.items() if any(line["kind"] == kind for line in lines)}
+    figure, axes = plt.subplots(1, len(kinds), figsize=(10.5, 4.2), sharey=True, layout="constrained")
+    for place, (kind, title) in zip(axes, kinds.items(), strict=True):
         some = [line for line in lines if line["kind"] == kind]
         for number, method in enumerate(methods):
             rows = [line["methods"][method] for line in some if method in line["methods"]]
@@ -79,8 +84,9 @@ def _parts(lines: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
 
 def _table(kind: str, title: str, some: Sequence[dict[str, Any]]) -> list[str]:
     seeds = sorted(line["seed"] for line in some)
-    which = _runs(seeds) if kind == "field" else ", ".join(map(str, seeds))
-    command = f"{kind} {seeds[0]}:{seeds[-1] + 1}" if kind == "field" else "street SEED:SEED+1 --tolerances 3 1"
+    street = kind == "street"
+    which = ", ".join(map(str, seeds)) if street else _runs(seeds)
+    command = "street SEED:SEED+1 --tolerances 3 1" if street else f"{kind} {seeds[0]}:{seeds[-1] + 1}"
     command += " --auto-only --reach METRES" if title.endswith("nearer") else ""
     text = [
         f"{len(some)} {title} (seeds {which}); `python benchmarks/whole_streets.py {command}`, {some[-1]['machine']}.",
