@@ -79,6 +79,9 @@ class RadarPaths(
     tx_slope, rx_slope : ndarray of complex128, shape (num_paths, 3, 2, 2), or None
         Change of `a` per metre by which an antenna is off the array's centre along the axes of the radar frame, of the
         transmitter and of the receiver [1/m], at equal spreading. None: not known; `a` then serves all antennas.
+    over_time : ndarray of complex128, shape (num_paths, 2), or None
+        Change of `a` over a frame, as directions to what scatters turn, at equal spreading: at the time t after its
+        start it is ``a * (1 + over_time[:, 0] * t + over_time[:, 1] * t**2)`` [1/s], [1/s2]. None: of no path.
     linear_motion : ndarray of bool, shape (num_paths,), or None
         Whether a path keeps to first order over a frame, as SCaRL has it: the length of every pair is linear in time,
         strengths stay. None: of no path.
@@ -112,6 +115,7 @@ class RadarPaths(
     rx_velocity: npt.NDArray[np.float64] | None = None
     tx_slope: npt.NDArray[np.complex128] | None = None
     rx_slope: npt.NDArray[np.complex128] | None = None
+    over_time: npt.NDArray[np.complex128] | None = None
     linear_motion: npt.NDArray[np.bool_] | None = None
     random_phase: npt.NDArray[np.bool_] | None = None
     over_band: npt.NDArray[np.complex128] | None = None
@@ -342,6 +346,7 @@ _NOT_KNOWN: Mapping[str, tuple[tuple[int, ...], complex | float | bool]] = {
     "rx_velocity": ((3,), np.nan),
     "tx_slope": ((3, 2, 2), 0.0j),
     "rx_slope": ((3, 2, 2), 0.0j),
+    "over_time": ((2,), 0.0j),
     "linear_motion": ((), False),
     "random_phase": ((), False),
 }

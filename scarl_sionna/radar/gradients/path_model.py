@@ -97,7 +97,8 @@ class PathModel:
 
     About the middle of each transmitter's frame every pair's length is a parabola and its strength a line in time:
     that is where :func:`scarl_sionna.synthesize` has exact motion. The antenna pattern is that towards the array
-    centres at the frame's start, as there.
+    centres at the frame's start, where `synthesize` follows directions: with the default pattern the two differ by 1e-4
+    over 0.6 ms at 12 m/s and 15 m, by -31 dB over a frame of 9.7 ms at 30 m/s and 3 m; not with isotropic antennas.
 
     Parameters
     ----------

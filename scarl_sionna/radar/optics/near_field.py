@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -45,6 +45,9 @@ class NearField:
         Of a frame [s].
     max_turn : float or None
         As in SbrSettings [rad].
+    arm : float
+        Distance of the outermost antenna from the centre of an array so wide that antennas have transfers of their own
+        [m]; 0: all have that of the centre.
     """
 
     rays: StateRays
@@ -56,6 +59,7 @@ class NearField:
     curves: DeviceCurves | None = None
     duration: float = 0.0
     max_turn: float | None = None
+    arm: float = 0.0
 
     def kinds(self, tubes: ImageTubes) -> list[tuple[bool, ImageTubes]]:
         """Return the patches on flat faces, and those on curved ones, each with whether they are."""
@@ -64,6 +68,25 @@ class NearField:
         bent = self.curves.curved.is_curved[tubes.face[:, -1]]
         kinds = ((False, ~bent), (True, bent))
         return [(is_curved, tubes.take(np.flatnonzero(rows))) for is_curved, rows in kinds if rows.any()]
+
+
+class Elsewhere(NamedTuple):
+    """Other places from which the stations of every patch see it.
+
+    Attributes
+    ----------
+    tx, rx : ndarray of float64, shape (num_patches, 3)
+        From where the stations are [m]. Of what is heard the same way only `tx` counts.
+    image : ndarray of float64, shape (num_patches, depth, 3)
+        The same of the transmitter's images [m].
+    oblique : ndarray of bool, shape (num_patches,)
+        Patches whose transfer is that for an integral of 1 m2.
+    """
+
+    tx: Array
+    rx: Array
+    image: Array
+    oblique: npt.NDArray[np.bool_]
 
 
 def radiated(
@@ -119,12 +142,38 @@ def radiated(
     """
     ends = np.cumsum([len(some) for some in tubes])
     pair = np.repeat(np.arange(len(near)), [len(some) for some in tubes])
-    whole = tubes[0].joined(list(tubes))
-    if len(whole) == 1:  # Dr.Jit has kernels of their own for arrays of one number
-        whole, pair = whole.take(np.zeros(2, dtype=np.int64)), np.repeat(pair, 2)
-    found = _radiated(near, whole, pair, same_way)
-    columns = {name: np.split(column[: ends[-1]], ends[:-1]) for name, column in found.items()}
+    found = _of_two(near, tubes[0].joined(list(tubes)), pair, same_way)
+    columns = {name: np.split(column, ends[:-1]) for name, column in found.items()}
     return [{name: pieces[number] for name, pieces in columns.items()} for number in range(len(near))]
+
+
+def radiated_elsewhere(
+    near: Sequence[NearField], tubes: ImageTubes, pair: npt.NDArray[np.int64], same_way: bool, elsewhere: Elsewhere
+) -> npt.NDArray[np.complex128]:
+    """Return the transfers of patches as of :func:`radiated` with their stations elsewhere, shape (n, 2, 2).
+
+    By the same definitions; `pair` has the number of each patch's field in `near`.
+    """
+    return np.asarray(_of_two(near, tubes, pair, same_way, elsewhere)["a"])
+
+
+def _of_two(
+    near: Sequence[NearField],
+    tubes: ImageTubes,
+    pair: npt.NDArray[np.int64],
+    same_way: bool,
+    elsewhere: Elsewhere | None = None,
+) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of patches; a single one is computed twice: Dr.Jit has other kernels for arrays of one."""
+    if len(tubes) != 1:
+        return _radiated(near, tubes, pair, same_way, elsewhere)
+    twice = np.zeros(2, dtype=np.int64)
+    other = None
+    if elsewhere is not None:
+        tx, rx, image, oblique = elsewhere
+        other = Elsewhere(tx[twice], rx[twice], image[twice], oblique[twice])
+    found = _radiated(near, tubes.take(twice), pair[twice], same_way, other)
+    return {name: column[:1] for name, column in found.items()}
 
 
 class _Ends:
@@ -140,6 +189,11 @@ class _Ends:
         self.axes = [at([station.pose.rotation[:, k] for station in stations]) for k in range(3)]
         self.velocity = at([station.velocity for station in stations])
         self.drift = at([station.drift for station in stations])
+
+    def move(self, rays: StateRays, shift: Array) -> None:
+        """Put the stations elsewhere, by shifts of shape (num_patches, 3) [m]."""
+        rows = rays.dr.arange(rays.mi.UInt32, len(shift))
+        self.position += rays.dr.gather(rays.Vector, rays.reals(shift), rows)
 
 
 class _WayBack(NamedTuple):
@@ -167,14 +221,25 @@ class _WayBack(NamedTuple):
 
 
 def _radiated(
-    nears: Sequence[NearField], tubes: ImageTubes, pair: npt.NDArray[np.int64], same_way: bool
+    nears: Sequence[NearField],
+    tubes: ImageTubes,
+    pair: npt.NDArray[np.int64],
+    same_way: bool,
+    elsewhere: Elsewhere | None = None,
 ) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of at least two patches, each between the stations of the field that `pair` names."""
+    """Return the columns of at least two patches, each between the stations of the field that `pair` names.
+
+    Of stations elsewhere the transfer alone.
+    """
     near, count = nears[0], len(tubes)
     rays, surfaces = near.rays, near.surfaces
     dr, on = rays.dr, OnDevice(rays.dr)
     tx, rx = (_Ends(rays, [getattr(one, end) for one in nears], pair) for end in ("tx", "rx"))
     wavenumber, integration_phase = rays.real(near.wavenumber), rays.real(near.integration_phase)
+    if elsewhere is not None:
+        tx.move(rays, elsewhere.tx)
+        rx.move(rays, elsewhere.rx)
+        tubes = replace(tubes, image=tubes.image + elsewhere.image)
     chain = _Chain(near, tubes)
     corner = rays.corners(tubes.corners)
     center = (corner[0] + corner[1] + corner[2]) / 3.0
@@ -205,16 +270,31 @@ def _radiated(
             (duration * (seen_velocity - tx.drift), first, out),
             (duration * way.passed, way.ray, home),
         ]
-        flat = Ends(
-            corner, *ends, wavenumber, steady_slope(dr, wavenumber, passing, rays.real(near.max_turn or STEADY))
-        )
-        oblique = is_oblique(dr, flat)
+        most, arm = rays.real(near.max_turn or STEADY), rays.real(near.arm)
+        flat = Ends(corner, *ends, wavenumber, steady_slope(dr, wavenumber, passing, most, arm))
+        oblique = is_oblique(dr, flat) if elsewhere is None else rays.index(elsewhere.oblique.astype(np.int64)) == 1
         parts = spherical_wave_integral(rays, corner, ends, wavenumber, integration_phase, ~oblique)
         integral = dr.select(oblique, 1.0, parts[0]), dr.select(oblique, 0.0, parts[1])
-        edges = edge_terms(rays, flat)
+        edges = edge_terms(rays, flat) if elsewhere is None else []
     scale = 0.125 / np.pi / (out * home)
     factor = (integral[1] * scale, -integral[0] * scale)  # -j times the integral
-    columns: dict[str, Any] = {
+    vector = radiating_vector(on, Wave(field, arriving), Wave(reflected, onward), normal, back)
+    if same_way:  # reciprocity: what the way there makes of a polarisation sent is what is heard of it
+        kept_out, receive = 1.0, field
+    else:
+        vector, kept_out = through_panes(rays, surfaces, tubes.way_out, vector, back)
+        receive = [(axis, dr.zeros(rays.Vector, count)) for axis in _spherical_basis(rays, rx.axes, -back)]
+    columns: dict[str, Any] = {}
+    for r, (real, imaginary) in enumerate(receive):
+        parts = on.component(real, vector), on.component(imaginary, vector)
+        for t, ((re, im), (turned, gone)) in enumerate(zip(*parts, strict=True)):
+            columns[f"re{r}{t}"] = (re - gone) * factor[0] - (im + turned) * factor[1]
+            columns[f"im{r}{t}"] = (re - gone) * factor[1] + (im + turned) * factor[0]
+    if elsewhere is not None:
+        with many_threads(count):
+            dr.eval(*columns.values())
+        return {"a": _matrices({name: rays.on_host(column) for name, column in columns.items()}, "re", "im")}
+    columns |= {
         "tx_point": seen,
         "rx_point": way.point,
         "tx_velocity": tx_velocity,
@@ -227,17 +307,6 @@ def _radiated(
         columns |= {f"edge{number}": dr.select(oblique, re, 0.0), f"edge{number}j": dr.select(oblique, im, 0.0)}
     if oblique is not None:
         columns["oblique"] = oblique
-    vector = radiating_vector(on, Wave(field, arriving), Wave(reflected, onward), normal, back)
-    if same_way:  # reciprocity: what the way there makes of a polarisation sent is what is heard of it
-        kept_out, receive = 1.0, field
-    else:
-        vector, kept_out = through_panes(rays, surfaces, tubes.way_out, vector, back)
-        receive = [(axis, dr.zeros(rays.Vector, count)) for axis in _spherical_basis(rays, rx.axes, -back)]
-    for r, (real, imaginary) in enumerate(receive):
-        parts = on.component(real, vector), on.component(imaginary, vector)
-        for t, ((re, im), (turned, gone)) in enumerate(zip(*parts, strict=True)):
-            columns[f"re{r}{t}"] = (re - gone) * factor[0] - (im + turned) * factor[1]
-            columns[f"im{r}{t}"] = (re - gone) * factor[1] + (im + turned) * factor[0]
     incidence = dr.abs(dr.dot(normal, arriving))
     strayed, *turn = surfaces.scattered(face, incidence, columns["cosine"])
     cosines = incidence * columns["cosine"] / np.pi

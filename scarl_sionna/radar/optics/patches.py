@@ -60,6 +60,8 @@ class PatchSize:
         Of a frame [s].
     passed : tuple of ndarray of float64, shape (num_rows, 3), optional
         Ways over a frame past the source and past the receiver, for each row of :meth:`excess` [m].
+    wide_arm : float
+        `aperture` of an array so wide that antennas see edges of other strength [m]; 0 of others.
     """
 
     wavenumber: float
@@ -71,19 +73,22 @@ class PatchSize:
     max_turn: float | None = None
     duration: float = 0.0
     passed: tuple[Array, Array] | None = None
+    wide_arm: float = 0.0
 
     @classmethod
-    def of(cls, radar: RadarSpec, settings: SbrSettings) -> PatchSize:
-        """Return the limits for a radar."""
+    def of(cls, radar: RadarSpec, settings: SbrSettings, wide_arm: float = np.inf) -> PatchSize:
+        """Return the limits for a radar; `wide_arm` [m] is the aperture above which an array is wide."""
         arms = np.concatenate([radar.tx_array, radar.rx_array])
+        aperture = float(np.linalg.norm(arms, axis=1).max())
         return cls(
             2.0 * np.pi * radar.center_frequency / SPEED_OF_LIGHT,
             np.pi * radar.sampled_bandwidth / SPEED_OF_LIGHT,
-            float(np.linalg.norm(arms, axis=1).max()),
+            aperture,
             settings.max_phase,
             settings.max_ramp,
             max_turn=settings.max_turn,
             duration=radar.frame_time,
+            wide_arm=aperture if aperture > wide_arm else 0.0,
         )
 
     def length(self, distance: Array) -> Array:
@@ -119,17 +124,18 @@ class PatchSize:
             image = dr.gather(Vector, on.reals(source), row)
             own = receiver.ndim == 2
             home = dr.gather(Vector, on.reals(receiver), row) if own else on.vector(receiver)
-            legs, slopes, passing = [], [], []
+            legs, slopes, passing, still = [], [], [], on.vector(np.zeros(3))
             for number, end in enumerate((image, home)):
                 leg = center - end
                 distance = dr.norm(leg)
                 legs.append((leg / distance, distance))
+                way, ray = still, legs[-1][0]
                 if self.passed is not None:
-                    way, ray = dr.gather(Vector, on.reals(self.passed[number]), row), legs[-1][0]
-                    passing.append((way, ray, distance))
+                    way = dr.gather(Vector, on.reals(self.passed[number]), row)
                     slopes.append((way - dr.dot(way, ray) * ray) / distance)
+                passing.append((way, ray, distance))
             longest = dr.opaque(Real, self.longest)
-            steady = steady_slope(dr, self.wavenumber, passing, self.max_turn or STEADY) if passing else 0.0
+            steady = steady_slope(dr, self.wavenumber, passing, self.max_turn or STEADY, self.wide_arm)
             ends = Ends(corner, image, home, self.wavenumber, steady)
             by_area = dr.select(is_oblique(dr, ends), 0.0, Real(1.0))
             sides = [corner[(k + 1) % 3] - corner[k] for k in range(3)]

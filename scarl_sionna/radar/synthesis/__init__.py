@@ -93,11 +93,12 @@ def synthesize(
     for ramps; symbols are in :mod:`scarl_sionna.radar.synthesis.coded.symbols`.
 
     *Kept*: exact delay and strength of each pair at every time (spherical wavefronts, end points that move straight on,
-    antennas that move and turn with the radar), motion within a ramp, range migration, residual video phase. Paths of
-    which `motion_tolerance` lets it have the rate of the array's centre; those of unknown velocities have its rate and
-    acceleration. *Not modelled*: gains and reflection differ between antennas only by the array's extent over the
-    distance and are taken at the array's centre, unless paths have slopes over it, and at the frame's start;
-    derivatives above the second of what is not straight motion.
+    antennas that move and turn with the radar), gains in directions that turn, `over_time` of the paths, motion within
+    a ramp, range migration, residual video phase. Paths of which `motion_tolerance` lets it have the rate of the
+    array's centre; those of unknown velocities have its rate and acceleration. *Not modelled*: gains and reflection
+    differ between antennas only by the array's extent over the distance and are taken at the array's centre, unless
+    paths have slopes over it; reflection at the frame's start, unless paths say how it changes; derivatives above the
+    second of what is not straight motion.
 
     References
     ----------

@@ -28,6 +28,7 @@ from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
 from . import alone, codes_of
+from .fading import fading_from, over_time
 from .motion import center_terms, is_known
 from .phase import chirps_of
 
@@ -167,8 +168,8 @@ class _Blocks:
 def later(paths: RadarPaths, time: float) -> RadarPaths:
     """Return paths as they are some time later [s], or earlier if negative, seen from the radar as it is then.
 
-    Where velocities are known, end points move straight on and strengths follow their distances; points and velocities
-    are those in the radar's frame, which stays where it is. The other paths are :func:`shifted`.
+    Where velocities are known, end points move straight on and strengths follow their distances and `over_time`; points
+    and velocities are those in the radar's frame, which stays where it is. The other paths are :func:`shifted`.
 
     By definition of straight motion.
     """
@@ -214,7 +215,8 @@ def _timed(moved: RadarPaths, paths: RadarPaths, time: float, linear: npt.NDArra
         inner_length=np.where(mirror, moved.inner_length, moved.inner_length + missing),
         length_rate=rate,
         length_acceleration=bend,
-        a=paths.a * np.where(linear, 1.0, strength)[:, None, None],
+        a=paths.a * (np.where(linear, 1.0, strength) * over_time(paths, time))[:, None, None],
+        over_time=fading_from(paths, time),
     )
 
 

@@ -6,7 +6,7 @@ relative velocity v and the arm A(t) of an antenna, which turns with the radar, 
 .. math:: D(t) = |x + v t - A(t)|, \quad A(t) = e^{[\omega]_\times t} A(0)
 
 and a path is as long as both ends and what lies between, whose rate and acceleration are what the path's own have
-beyond those of its ends, seen from the array centres.
+beyond those of its ends, seen from the array centres. Strengths follow the distances, and what :mod:`.fading` says.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 
+from .fading import Fading
+
 Array = npt.NDArray[np.float64]
 
 
@@ -36,10 +38,10 @@ class Terms(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Lengths [m] and strengths over those at time 0 between the centres."""
+    """Lengths [m] and strengths over those at time 0 between the centres, complex where paths fade over the frame."""
 
     length: Array
-    strength: Array
+    strength: npt.NDArray[np.inexact]
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +197,8 @@ class PathMotion:
         Product of both ends' distances from the centres at time 0 [m2]; of a path of mirrors only its length [m].
     geometry : PathGeometry or None
         Where antennas are described one by one: has the amplitude of each pair.
+    fading : Fading or None
+        What strengths do beyond following the distances; None: nothing.
     """
 
     tx: End
@@ -205,6 +209,7 @@ class PathMotion:
     amplitude: npt.NDArray[np.complex128]
     reach: Array
     geometry: PathGeometry | None = None
+    fading: Fading | None = None
 
     @classmethod
     def of(cls, paths: RadarPaths, radar: RadarSpec, geometry: PathGeometry | None = None) -> PathMotion:
@@ -214,7 +219,9 @@ class PathMotion:
         """
         geometry = geometry or PathGeometry.of(paths, radar)
         motion = cls._of(paths, radar.tx_array, radar.rx_array, geometry.amplitude)
-        return motion if geometry.fields is None else replace(motion, geometry=geometry)
+        known = is_known(paths) & ~paths.filled("linear_motion")
+        seen = None if geometry.fields is None else geometry
+        return replace(motion, geometry=seen, fading=Fading.of(paths, radar, known))
 
     def of_pair(self, tx: int, rx: int) -> npt.NDArray[np.complex128]:
         """Return the amplitudes at time 0 for a pair whose antennas stood at the centres [sqrt(W)], (num_paths,)."""
@@ -253,7 +260,9 @@ class PathMotion:
         image = self.reflected
         reflected = Reflected(image.offset[seen], image.velocity[seen], image.turn[seen], image.tx_arms, image.rx_arms)
         between = Terms(*(column[rows] for column in self.between))
-        return PathMotion(tx, rx, mirror, reflected, between, self.amplitude[rows], self.reach[rows])
+        fading = None if self.fading is None else self.fading.select(rows)
+        columns = between, self.amplitude[rows], self.reach[rows]
+        return PathMotion(tx, rx, mirror, reflected, *columns, fading=fading)
 
     def ends(self, tx: int | None, rx: int | None, times: Array, known: tuple[Array, Array] | None = None) -> Ends:
         """Return lengths, and strengths over those at time 0 between the centres, shape (num_times, num_paths) each.
@@ -284,15 +293,17 @@ class PathMotion:
         if not np.isfinite(strength).all():
             index = int(np.flatnonzero(~np.isfinite(strength).all(axis=0))[0])
             raise ParameterRangeError("paths", f"path {index} ends at an antenna", "end points away from every antenna")
-        return Ends(length, strength)
+        return Ends(length, strength if self.fading is None else strength * self.fading.at(times))
 
-    def terms(self, tx: int | None, rx: int | None, times: Array) -> tuple[Terms, Array, Array]:
+    def terms(
+        self, tx: int | None, rx: int | None, times: Array
+    ) -> tuple[Terms, npt.NDArray[np.inexact], npt.NDArray[np.inexact]]:
         """Return lengths with derivatives, strengths and their relative rates [1/s], (num_times, num_paths) each."""
         return self.joined((tx, rx), times, self.tx.terms(tx, times), self.rx.terms(rx, times))
 
     def joined(
         self, pair: tuple[int | None, int | None], times: Array, out: Terms, home: Terms
-    ) -> tuple[Terms, Array, Array]:
+    ) -> tuple[Terms, npt.NDArray[np.inexact], npt.NDArray[np.inexact]]:
         """Return what :meth:`terms` does, from the distances of both ends."""
         strength = self.reach / (out.value * home.value)
         growth = -(out.rate / out.value + home.rate / home.value)
@@ -300,7 +311,10 @@ class PathMotion:
         if through is not None:
             strength[:, self.mirror] = self.reach[self.mirror] / through.value
             growth[:, self.mirror] = -through.rate / through.value
-        return self.lengths(times, out, home, through), strength, growth
+        lengths = self.lengths(times, out, home, through)
+        if self.fading is None:
+            return lengths, strength, growth
+        return lengths, strength * self.fading.at(times), growth + self.fading.growth(times)
 
     def through(self, pair: tuple[int | None, int | None], times: Array) -> Terms | None:
         """Return the distances of the paths over a mirror, from end to end; None if there are none."""
@@ -439,9 +453,9 @@ class PairTerms:
         out, home = ([end.terms(number, start) for number in range(len(end.arms.start))] for end in ends)
         return out, home
 
-    def growth(self, tx: int, rx: int, time: float) -> Array:
+    def growth(self, tx: int, rx: int, time: float) -> npt.NDArray[np.complex128]:
         """Return strengths at a time [s] over those at the frame's start, shape (num_paths,)."""
-        grown = np.ones(self.paths.num_paths)
+        grown = np.ones(self.paths.num_paths, dtype=np.complex128)
         if self._bent is not None:
             start, then = self._bent.ends(tx, rx, np.array([0.0, time])).strength
             grown[self._bends] = then / start

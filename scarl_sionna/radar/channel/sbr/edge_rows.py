@@ -54,6 +54,10 @@ def with_edges(columns: Columns, tubes: ImageTubes, near: NearField, planes: tup
     row = order[first][kept]
     made = _moved(columns, tubes, near, planes, patch[row], point[row])
     made["a"] = total[kept]
+    for name in ("tx_slope", "rx_slope"):
+        if name in columns:
+            slope = columns[name][patch] * edges[patch, slot][:, None, None, None]
+            made[name] = np.add.reduceat(slope[order], first)[kept]
     whole = ~oblique
     return {name: np.concatenate([column[whole], made[name]]) for name, column in columns.items()}
 

@@ -19,6 +19,11 @@ Columns = dict[str, npt.NDArray[Any]]
 _LARGEST_KEY = 1 << 62
 """Sort keys above this are numbered anew, so that they stay in 64 bits: changes no order."""
 
+CHANGES = {"over_time": (2,), "tx_slope": (3, 2, 2), "rx_slope": (3, 2, 2)}
+"""Columns that only some blocks have, complex; 0 where a block has none."""
+OF_SMOOTH = ("oblique", "edges", *CHANGES)
+"""Columns that are not of what is scattered diffusely."""
+
 
 def joined(blocks: list[Columns], max_depth: int) -> Columns:
     """Return the columns of all bounces, instances padded with -1.
@@ -39,7 +44,11 @@ def joined(blocks: list[Columns], max_depth: int) -> Columns:
         "depth": np.zeros(0, np.int32),
         "kind": np.zeros(0, np.int8),
     }
+    known = {name: shape for name, shape in CHANGES.items() if any(name in block for block in blocks)}
+    columns |= {name: np.zeros((0, *shape), np.complex128) for name, shape in known.items()}
     for block in blocks:
+        for name, shape in known.items():
+            block.setdefault(name, np.zeros((len(block["length"]), *shape), np.complex128))
         depth = block["instance"].shape[1]
         block["instance"] = np.pad(block["instance"], [(0, 0), (0, max_depth - depth)], constant_values=-1)
     return {name: np.concatenate([column, *(block.pop(name) for block in blocks)]) for name, column in columns.items()}

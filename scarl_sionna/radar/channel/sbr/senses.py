@@ -109,8 +109,11 @@ def reversed_rows(columns: Columns, semantic: npt.NDArray[np.uint8], kind: Kind)
     kind : Kind
         Of the result.
     """
+    ends = (("tx_slope", "rx_slope"), ("rx_slope", "tx_slope"))
+    slopes = {one: columns[other].transpose(0, 1, 3, 2) for one, other in ends if other in columns}
     return {
         **columns,
+        **slopes,
         "tx_point": columns["rx_point"],
         "rx_point": columns["tx_point"],
         "tx_velocity": columns["rx_velocity"],

@@ -24,6 +24,7 @@ from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
 from scarl_sionna.engine.rays.overlap import seen_overlaps
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.optics.edges.near_field import EdgeView, edge_rows
+from scarl_sionna.radar.optics.elsewhere import with_changes
 from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import Heard
@@ -35,7 +36,7 @@ from .bodies import Bodies
 from .cost import Work, affordable, check_memory, with_knobs
 from .diffuse import rough_pieces, scattered_rows
 from .edge_rows import with_edges
-from .rows import Columns, above_floor, in_order, joined, received
+from .rows import CHANGES, OF_SMOOTH, Columns, above_floor, in_order, joined, received
 from .senses import ROUGH_KINDS, Kind, kinds_of, mirrored_back, reversed_rows, scattering_bounce
 from .tracing import Pair, Shared, shared_tracings
 
@@ -107,10 +108,8 @@ def solve_sbr(
 
     *Not modelled*: edge diffraction (but with `edge_diffraction` that of single edges which both ends see), creeping
     waves, what passes through a dielectric between two bounces, diffuse scattering between mirrors, by the last side of
-    what is heard there and back and, for a bistatic
-    pair, before them, the direct path of such a pair, the acceleration of bodies themselves (turning ones, wheels:
-    :func:`scarl_sionna.synthesize_blocks`).
-    *Convergence and validity*: docs/sbr.md.
+    what is heard there and back and, for a bistatic pair, before them, the direct path of such a pair,
+    the acceleration of bodies themselves (wheels: :func:`scarl_sionna.synthesize_blocks`). *Validity*: docs/sbr.md.
 
     References
     ----------
@@ -277,7 +276,9 @@ class _Fields:
     def finish(self) -> None:
         """Compute the fields, and the paths of the solves that have ended."""
         for (_, _, same_way), waiting in self._waiting.items():
-            fields = radiated([one.near for one, _, _ in waiting], [heard.patches for *_, heard in waiting], same_way)
+            nears, patches = [one.near for one, _, _ in waiting], [heard.patches for *_, heard in waiting]
+            fields = radiated(nears, patches, same_way)
+            with_changes(nears, patches, fields, waiting[0][0].bodies.faces.triangles.normal, same_way)
             for (solve, place, heard), columns in zip(waiting, fields, strict=True):
                 solve.fill(place, heard, columns)
         for solve in self._ended:
@@ -290,7 +291,7 @@ class _Solve:
 
     def __init__(self, bodies: Bodies, pair: Pair) -> None:
         self.bodies, self.pair, self.clock = bodies, pair, time.perf_counter()
-        self.size = size = PatchSize.of(bodies.radar, bodies.knobs)
+        self.size = size = PatchSize.of(bodies.radar, bodies.knobs, bodies.settings.warn_at.wide_arm)
         self.has_reverse = pair.tx is pair.rx and pair.tx.window is None
         self.tracings: list[Shared] = []
         self.num_ended = 0
@@ -304,6 +305,7 @@ class _Solve:
             bodies.curves,
             size.duration,
             size.max_turn,
+            size.wide_arm,
         )
         self.blocks: list[Columns] = []
         self.rough: dict[tuple[int, bool], list[Columns]] = {}
@@ -325,7 +327,7 @@ class _Solve:
         seen = columns["length"] < 2.0 * bodies.reach
         rows = np.flatnonzero(is_rough & seen)
         if len(rows):
-            some = {name: column[rows] for name, column in columns.items() if name not in ("oblique", "edges")}
+            some = {name: column[rows] for name, column in columns.items() if name not in OF_SMOOTH}
             some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
             alike = self.rough.setdefault((patches.depth, heard.same_way), [])
             alike.append(rough_pieces(some, patches.take(rows)))
@@ -470,17 +472,17 @@ def _warn_of_grazing(bodies: Bodies, cosine: Array, power: Array) -> None:
 
 
 def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) -> RadarPaths:
-    count, width = columns["instance"].shape
-    step = np.arange(width)
+    step = np.arange(columns["instance"].shape[1])
     depth = columns["depth"]
     scatterer = scattering_bounce(columns)[:, None]
     interaction = np.where(step == scatterer, DIFFUSE, np.where(step < depth[:, None], SPECULAR, -1))
     bend = bend_of(columns["tx_point"] - tx.position, columns["tx_velocity"])
     bend += bend_of(columns["rx_point"] - rx.position, columns["rx_velocity"])
+    changes: dict[str, Any] = {name: columns.get(name) for name in CHANGES}
     return RadarPaths(
         tx_point=columns["tx_point"],
         rx_point=columns["rx_point"],
-        inner_length=np.zeros(count),
+        inner_length=np.zeros(len(depth)),
         a=columns["a"],
         length_rate=columns["length_rate"],
         length_acceleration=bend,
@@ -494,4 +496,5 @@ def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) ->
         rx_velocity=columns["rx_velocity"],
         random_phase=np.isin(columns["kind"], ROUGH_KINDS),
         diagnostics=diagnostics,
+        **changes,
     )

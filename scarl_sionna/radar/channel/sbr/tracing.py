@@ -76,7 +76,7 @@ def tracer_between(bodies: Bodies, stations: Sequence[Viewpoint]) -> Tracer:
         tx,
         tuple(receivers),
         bodies.reach,
-        PatchSize.of(bodies.radar, bodies.knobs),
+        PatchSize.of(bodies.radar, bodies.knobs, bodies.settings.warn_at.wide_arm),
         bodies.knobs.for_scene(),
         bodies.panes,
         bodies.velocity,

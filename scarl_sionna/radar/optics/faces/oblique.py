@@ -45,8 +45,9 @@ def steady_slope(
     wavenumber: DeviceArray,
     legs: list[tuple[DeviceArray, DeviceArray, DeviceArray]],
     max_turn: DeviceArray,
+    arm: DeviceArray | float = 0.0,
 ) -> DeviceArray:
-    """Return the slope of the phase above which what moves keeps the strength of its edges over a frame [rad/m].
+    """Return the slope of the phase above which the strength of edges is kept over a frame and a wide array [rad/m].
 
     The strength of a corner goes with the square of the slope, so a change by d alters it by 2 d / slope. That may be
     what `max_turn` allows the pattern of a patch, max_turn^2 / 6.
@@ -60,8 +61,10 @@ def steady_slope(
         Way over a frame past each end [m], unit direction of its leg, and length [m].
     max_turn : float or Dr.Jit float64 number
         [rad]; `STEADY` where patches do not follow from motion.
+    arm : float or Dr.Jit float64 number
+        Distance of the outermost antenna of a wide array from its centre [m]; 0 for one that is not wide.
     """
-    change = sum(dr.norm(way - dr.dot(way, ray) * ray) / distance for way, ray, distance in legs)
+    change = sum((dr.norm(way - dr.dot(way, ray) * ray) + arm) / distance for way, ray, distance in legs)
     return 12.0 / max_turn**2 * wavenumber * change
 
 

@@ -47,7 +47,7 @@ class _Delays:
     turn: Array
     bend: Array
     amplitude: Complex
-    growth: Array
+    growth: Complex
 
     def at(self, time: Array, half: float) -> Array:
         """Return the delays [s] at a time in each window, of the shape of the delays."""
@@ -206,7 +206,7 @@ class Late:
             time = number / waveform.sample_rate
             x = time - self._half
             tau = windows.delay[row, path] + x * (windows.turn[row, path] + 0.5 * x * windows.bend[row, path])
-            value = np.conj(windows.amplitude[row, path]) * (1.0 + windows.growth[row, path] * x)
+            value = np.conj(windows.amplitude[row, path] * (1.0 + windows.growth[row, path] * x))
             value *= phasor(-waveform.carrier_frequency * tau)
             value *= self._envelope(row - back, time - tau + back * self.radar.doppler_interval)
             if self.codes is not None:

@@ -186,7 +186,7 @@ class Law:
         some = [paths.select(kind) for kind in kinds]
         return cls(some[0], some[1], some[2], radar, order)
 
-    def at(self, tx: int, rx: int, times: Array) -> tuple[Array, Array, Array, Complex, Array]:
+    def at(self, tx: int, rx: int, times: Array) -> tuple[Array, Array, Array, Complex, Complex]:
         """Return delays [s] with two derivatives, amplitudes and their relative rates, (num_times, num_paths) each."""
         time, found = times[:, None], []
         for paths, of_pairs in ((self.held, False), (self.linear, True)):
@@ -195,11 +195,11 @@ class Law:
             start, turn, bend = delay_terms(*(terms.start(tx, rx) if of_pairs else own))
             columns = start + time * (turn + 0.5 * time * bend), turn + time * bend, bend + 0.0 * time
             amplitude = np.broadcast_to(terms.geometry.pair_amplitude(tx, rx), columns[0].shape)
-            found.append((*columns, amplitude, np.zeros(columns[0].shape)))
+            found.append((*columns, amplitude, np.zeros(columns[0].shape, dtype=np.complex128)))
         if self.moving.num_paths:
             motion = PathMotion.of(self.moving, self.radar)
             lengths, strength, growth = motion.terms(tx, rx, times)
-            found.append((*delay_terms(*lengths), motion.of_pair(tx, rx) * strength, growth))
+            found.append((*delay_terms(*lengths), motion.of_pair(tx, rx) * strength, growth.astype(np.complex128)))
         return tuple(np.concatenate(columns, axis=1) for columns in zip(*found, strict=True))  # type: ignore[return-value]
 
 
@@ -247,7 +247,7 @@ def plain(
                 tau = delay[row, path] + x * (turn[row, path] + 0.5 * x * bend[row, path])
                 sent = envelope(row - earlier, time - tau + since, sender)
                 carried = phasor(-waveform.carrier_frequency * tau) * sent
-                strength = np.conj(amplitude[row, path]) * (1.0 + growth[row, path] * x)
+                strength = np.conj(amplitude[row, path] * (1.0 + growth[row, path] * x))
                 out[row] += (strength * carried).reshape(waveform.repetitions, count).mean(axis=0)
         return out
 
