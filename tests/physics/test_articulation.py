@@ -9,7 +9,7 @@ import trimesh
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.scene.motion.articulation import Accumulated, joints_from_tables
+from scarl_sionna.scene.motion.articulation import Accumulated, Rolling, joints_from_tables
 from scarl_sionna.scene.motion.gait import SEGMENTS, SOLE, WalkingGait
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, Motion, StaticTrajectory, WaypointTrajectory
 from tests.scenes import Thing, write_scene
@@ -103,6 +103,41 @@ def test_way_travelled_by_a_car_that_brakes_turns_and_reverses():
 def test_way_before_time_zero():
     back = ConstantTwistTrajectory(Pose(), Twist([3.0, 0.0, 0.0]))
     np.testing.assert_allclose(Accumulated(back, lambda speed: speed).at(-2.1), -6.3, rtol=1e-12)
+
+
+class Unsaid:
+    """A motion that does not say whether it is steady."""
+
+    start, stop = -np.inf, np.inf
+
+    def __init__(self, motion: ConstantTwistTrajectory) -> None:
+        self.pose, self.twist = motion.pose, motion.twist
+
+
+STEADY = {
+    "straight on": ConstantTwistTrajectory(Pose.from_euler([1.0, 2.0, 0.0], yaw=0.5), Twist([3.0, 0.4, 0.0])),
+    "on the spot": ConstantTwistTrajectory(Pose(), Twist(angular=[0.0, 0.0, -0.3])),
+}
+
+
+@pytest.mark.parametrize("name", STEADY)
+def test_a_steady_motion_is_known_at_once_at_the_clock_of_unix(name):
+    motion, now = STEADY[name], 1.7e9 + 0.25
+    rolling, summed = Rolling(motion), Rolling(Unsaid(motion))
+    assert motion.is_steady
+    for time in (-3.7, 0.0, 8.3):
+        np.testing.assert_allclose(rolling.at(time), summed.at(time), rtol=1e-12, atol=1e-12)
+    before, after = np.array(rolling.at(now)), np.array(rolling.at(now + 0.5))
+    np.testing.assert_allclose(after[:2] - before[:2], 0.5 * before[2:], atol=2e-6)
+    np.testing.assert_allclose(after[2:], before[2:], rtol=1e-12)
+    with pytest.raises(ParameterRangeError, match="within 250000 s of 0 s, where wheels and limbs of the motion begin"):
+        summed.at(now)
+
+
+def test_a_turn_while_it_drives_is_not_steady():
+    assert not ConstantTwistTrajectory(Pose(), Twist([3.0, 0.0, 0.0], [0.0, 0.0, 0.1])).is_steady
+    assert not ConstantTwistTrajectory(Pose(), Twist(angular=[0.2, 0.0, 0.1])).is_steady
+    assert StaticTrajectory(Pose()).is_steady
 
 
 @pytest.mark.parametrize("speed", [0.4, 1.3, 2.15, 2.4, 5.5])

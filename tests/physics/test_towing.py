@@ -54,6 +54,18 @@ class Circle:
         return Twist(self.rate * (self.radius * along - TRACTOR.rear_axle * left), [0.0, 0.0, self.rate])
 
 
+def test_a_steady_motion_is_known_at_once_at_the_clock_of_unix() -> None:
+    now, angle = 1.7e9 + 0.25, 0.1
+    stands = Towing(StaticTrajectory(Pose()), HITCH, LENGTH).at(now)
+    assert (stands.angle, stands.way, stands.turned) == (0.0, 0.0, 0.0)
+    going = ConstantTwistTrajectory(Pose.from_euler(np.zeros(3), yaw=-angle), Twist([6.0, 0.0, 0.0]))
+    for motion in (going, PresentTrajectory(going, (0.0, 2e9))):
+        towed = Towing(motion, HITCH, LENGTH).at(now)
+        assert (towed.angle, towed.way) == (pytest.approx(angle, abs=1e-12), pytest.approx(6.0 * now, rel=1e-12))
+    with pytest.raises(ParameterRangeError, match="within 250000 s of 0 s"):
+        Towing(Circle(30.0), HITCH, LENGTH).at(now)
+
+
 def slalom() -> PathTrajectory:
     """Return a way with bends of down to 12 m over a hill and a valley of 5 %, with a stop."""
     x = np.arange(0.0, 121.0, 2.0)

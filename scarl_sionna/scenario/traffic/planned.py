@@ -20,6 +20,7 @@ from scarl_sionna.scene.motion.trajectory import (
     WheelWay,
     body_from_road,
     forward_speeds,
+    is_steady,
     lane_offsets,
     road_height,
     wheel_way,
@@ -104,6 +105,11 @@ class PresentTrajectory:
     def stop(self) -> float:
         """Last time at which the motion is known [s]."""
         return self.motion.stop
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether the motion keeps its speed along the heading and its yaw rate."""
+        return is_steady(self.motion)
 
     def pose(self, time: float) -> Pose:
         """Return world_from_actor at a time [s]."""

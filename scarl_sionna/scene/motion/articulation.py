@@ -19,10 +19,20 @@ from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, Unknow
 
 from .footprints import FootPrints, Ground, steps_forward
 from .gait import FRACTIONS, SEGMENTS, WalkingGait, walking_gait
+from .panels import PANEL, origin_of, panels_to
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
 from .swinging import Swing, swing_from_table
 from .towing import TowedWheel, Towing, Trailer, rolled_on, towing_from_table
-from .trajectory import Motion, Trajectory, WheelWay, body_from_road, forward_speeds, known_until, wheel_way
+from .trajectory import (
+    Motion,
+    Trajectory,
+    WheelWay,
+    body_from_road,
+    forward_speeds,
+    is_steady,
+    known_until,
+    wheel_way,
+)
 
 PHASES = 16
 """Phases of a gait at which a walker's box is measured: between them a limb goes less than 2 % of its swing farther."""
@@ -30,8 +40,6 @@ PACE = 0.25
 """Step of the speeds [m/s] whose gaits walkers' boxes are measured at."""
 USUAL = 1.5
 """Speed [m/s] of the steps that have room in the box of somebody whose way is told step by step."""
-PANEL = 0.25
-"""Length of the panels over which a rate is integrated by an 8-point Gauss rule [s]."""
 _SEGMENT = re.compile(rf"(?:^|_)({'|'.join(SEGMENTS)})(?:_[a-z]+)?$")
 _PEDALLING = re.compile(rf"(?:^|_)({'|'.join(PEDALLING_SEGMENTS)})(?:_[a-z]+)?$")
 _legs = lru_cache(maxsize=64)(PedallingLegs)
@@ -48,6 +56,8 @@ def forward_speed(trajectory: Trajectory, time: float) -> float:
 class Accumulated:
     """Integral over time of a rate that depends on an actor's forward speed: way travelled, phase of a gait.
 
+    By an 8-point Gauss rule over panels.
+
     Parameters
     ----------
     trajectory : Trajectory
@@ -57,13 +67,18 @@ class Accumulated:
     Notes
     -----
     Counted from the trajectory's start, or from time 0 where it has none. Panels once integrated are kept, as far as
-    the trajectory will not change.
+    the trajectory will not change; a steady motion (`is_steady`) needs none, however far from its origin.
+
+    Raises
+    ------
+    ParameterRangeError
+        From `at`, of a motion that is not steady, if more than `MOST_PANELS` are new.
     """
 
     def __init__(self, trajectory: Trajectory, rate: Callable[[float], float]) -> None:
         self._trajectory = trajectory
         self._rate = rate
-        self._origin = trajectory.start if np.isfinite(trajectory.start) else 0.0
+        self._origin = origin_of(trajectory)
         self._sums = {0: 0.0}
         self._last = self._origin, 0.0
 
@@ -80,11 +95,9 @@ class Accumulated:
         """Return the integral up to a time [s]."""
         if time == self._last[0]:
             return self._last[1]
-        panel = int(np.floor((time - self._origin) / PANEL))
-        step = 1 if panel >= 0 else -1
-        known = panel
-        while known not in self._sums:
-            known -= step
+        if is_steady(self._trajectory):
+            return self._rate(forward_speed(self._trajectory, self._origin)) * (time - self._origin)
+        panel, known, step = panels_to(time, self._origin, self._sums)
         new = list(range(known, panel, step))
         starts = [self._origin + index * PANEL for index in (*new, panel)]
         *parts, rest = self._integrals(starts, [*(start + step * PANEL for start in starts[:-1]), time])
@@ -170,18 +183,16 @@ class Rolling:
     def __init__(self, trajectory: Trajectory) -> None:
         self._trajectory = trajectory
         self._way = Accumulated(trajectory, lambda speed: speed)
-        self._origin = trajectory.start if np.isfinite(trajectory.start) else 0.0
+        self._origin = origin_of(trajectory)
         self._headings: dict[int, float] = {0: trajectory.pose(self._origin).yaw}
         self._last: tuple[float, list[float]] | None = None
         self._road: tuple[float, Motion] | None = None
 
     def _turned(self, time: float) -> float:
         """Return the turn since the start [rad]: no body turns half way round within a panel."""
-        panel = int(np.floor((time - self._origin) / PANEL))
-        step = 1 if panel >= 0 else -1
-        known = panel
-        while known not in self._headings:
-            known -= step
+        if is_steady(self._trajectory):
+            return float(self._trajectory.twist(self._origin).angular[2]) * (time - self._origin)
+        panel, known, step = panels_to(time, self._origin, self._headings)
         final, heading = known_until(self._trajectory), self._headings[known]
         for index in range(known, panel, step):
             when = self._origin + (index + step) * PANEL

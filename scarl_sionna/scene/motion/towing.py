@@ -13,12 +13,11 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
 
-from .trajectory import Motion, Trajectory, known_until, road_height, wheel_way
+from .panels import PANEL, origin_of, panels_to
+from .trajectory import Motion, Trajectory, is_steady, known_until, road_height, wheel_way
 
-PANEL = 0.25
-"""Length of the pieces whose ends are kept [s]."""
 STEPS = 8
-"""Steps of the Runge-Kutta rule in a piece: at 30 m/s and 6 m from coupling to axle the angle is within 1e-7 rad."""
+"""Steps of the Runge-Kutta rule in a panel: at 30 m/s and 6 m from coupling to axle the angle is within 1e-7 rad."""
 FOLDED = math.radians(80.0)
 """Angle to the towing vehicle beyond which the bodies touch each other."""
 _REST = 1e-3
@@ -77,7 +76,7 @@ class Towing:
     def __init__(self, trajectory: Trajectory, hitch: npt.ArrayLike, length: float, name: str = "trailer") -> None:
         self.trajectory, self.length, self.name = trajectory, length, name
         self.hitch = np.asarray(hitch, dtype=np.float64)
-        self._origin = trajectory.start if np.isfinite(trajectory.start) else 0.0
+        self._origin = origin_of(trajectory)
         self._known: dict[int, tuple[float, float, float]] = {}
         self._last: tuple[float, Towed] | None = None
 
@@ -126,15 +125,13 @@ class Towing:
 
     def _state(self, time: float) -> npt.NDArray[np.float64]:
         """Return angle [rad], way [m] and turn [rad] at a time [s]."""
-        if time < self._origin:  # a motion without a beginning: what it has always been doing
-            u, w, yaw_rate = self._pull(time)
+        if time < self._origin or is_steady(self.trajectory):  # a motion without a beginning: what it has always been
+            u, w, yaw_rate = self._pull(time)  # doing
             angle, before = self.steady(time), time - self._origin
             return np.array([angle, before * (u * math.cos(angle) + w * math.sin(angle)), before * yaw_rate])
         if not self._known:
             self._known[0] = (self.steady(self._origin), 0.0, 0.0)
-        panel = known = int((time - self._origin) / PANEL)
-        while known not in self._known:
-            known -= 1
+        panel, known, _ = panels_to(time, self._origin, self._known)
         final, state = known_until(self.trajectory), np.array(self._known[known])
         for index in range(known, panel):
             start = self._origin + index * PANEL

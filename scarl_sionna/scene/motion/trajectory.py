@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -29,8 +29,8 @@ class Trajectory(Protocol):
     box, a method ``wheel_way(time, place)``, see the function of that name, where it knows its bends also while it
     stands, a method ``road_height(time, x)``, see the function of that name, where it knows the road behind it, a
     method ``lane_offsets(times)``, see the function of that name, where it follows lanes, a method
-    ``body_from_road(time)``, see the function of that name, where the body tilts over its wheels, and an attribute
-    ``known_until``, see the function of that name.
+    ``body_from_road(time)``, see the function of that name, where the body tilts over its wheels, an attribute
+    ``known_until``, see the function of that name, and an attribute ``is_steady``, see the function of that name.
     """
 
     @property
@@ -77,6 +77,11 @@ def is_present(trajectory: Trajectory, time: float) -> bool:
 def known_until(trajectory: Trajectory) -> float:
     """Return the time [s] up to which a trajectory will not change: infinite for one that does not say."""
     return float(getattr(trajectory, "known_until", np.inf))
+
+
+def is_steady(trajectory: Trajectory) -> bool:
+    """Return whether speed along the heading and yaw rate are the same at all times; False where nobody says."""
+    return bool(getattr(trajectory, "is_steady", False))
 
 
 @dataclass(frozen=True)
@@ -176,6 +181,7 @@ class StaticTrajectory(Described):
     world_from_actor: Pose
     start: float = -np.inf
     stop: float = np.inf
+    is_steady: ClassVar[bool] = True
 
     def pose(self, time: float) -> Pose:
         """Return the constant pose at a time [s]."""
@@ -198,6 +204,11 @@ class ConstantTwistTrajectory(Described):
     velocity: Twist
     start: float = -np.inf
     stop: float = np.inf
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether speed along the heading and yaw rate stay: if it does not turn, or turns on the spot."""
+        return not self.velocity.angular.any() or not (self.velocity.angular[:2].any() or self.velocity.linear.any())
 
     def pose(self, time: float) -> Pose:
         """Return the pose at a time [s]."""
