@@ -6,6 +6,7 @@ source = drive(num_frames=3)          # FrameSource with the true boxes, images,
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,19 @@ class _Frames:
         if index not in self._made:
             self._made[index] = make_frame(self.rig, index, self.seed)
         return self._made[index]
+
+
+OBJECT_LABELS = tuple(item.name for item in fields(ImageFrame) if item.name.startswith("object_"))
+
+
+def with_labels(frame: Frame) -> Frame:
+    """Return a frame whose cameras have a label of each object: boxes and shares of zeros."""
+    count, results = len(frame.objects), dict(frame.results)
+    for name, image in frame.images.items():
+        labels = {key: np.zeros((count, 4) if key.endswith("box") else count, np.float32) for key in OBJECT_LABELS}
+        labels["object_pixels"] = labels["object_pixels"].astype(np.int32)
+        results[name] = replace(image, **labels)
+    return replace(frame, results=results)
 
 
 class AllFrames(Sequence[Frame]):

@@ -32,7 +32,7 @@ from scarl_sionna.dataset.readers.xarray_view import open_xarray, radar_maps_xar
 from scarl_sionna.dataset.repack import repack_dataset
 from scarl_sionna.fusion import Rig, SensorMount
 from tests.client_env import REPO, client_python, run_client
-from tests.drive import AllFrames, drive
+from tests.drive import OBJECT_LABELS, AllFrames, drive, with_labels
 
 SOURCE = drive(num_frames=5, ends=("front",), scenes=("lane", "street"))
 FRAMES = AllFrames(SOURCE)
@@ -97,6 +97,15 @@ def test_signature_tells_what_varies(place) -> None:
     varies = {key for key, spec in samples.signature().items() if None in spec.shape}
     labels = {f"{LIDAR}:points", f"{LIDAR}:semantic", f"{LIDAR}:instance"}
     assert varies == {*labels, "boxes", "box_semantic", "box_instance"}
+
+
+def test_signature_tells_that_labels_of_cameras_follow_the_objects() -> None:
+    frame = with_labels(FRAMES[0])
+    found = FrameSamples([frame]).signature()
+    wanted = {name: (None, *getattr(frame.results[CAMERA], name).shape[1:]) for name in OBJECT_LABELS}
+    assert wanted["object_box"] == (None, 4)
+    assert {name: found[f"{CAMERA}:{name}"].shape for name in OBJECT_LABELS} == wanted
+    assert found[f"{CAMERA}:instance"].shape == (90, 160)
 
 
 @pytest.mark.parametrize("stored", [True, False])

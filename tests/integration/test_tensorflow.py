@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,10 @@ from scarl_sionna.calibration.keras_layer import simulation_layer, whitened_data
 from scarl_sionna.core.errors import DatasetError, ParameterRangeError, ScarlWarning
 from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.formats import FrameSource, convert
+from scarl_sionna.dataset.formats.source import SceneFrames
 from scarl_sionna.dataset.formats.tfrecord import export_tfrecord, read_tfrecord
 from scarl_sionna.dataset.readers.tf_data import tensorflow
-from tests.drive import AllFrames, drive
+from tests.drive import AllFrames, drive, with_labels
 
 pytestmark = [
     pytest.mark.own_process,
@@ -58,6 +60,19 @@ def test_tfrecord_comes_back_as_it_was(tmp_path, compression) -> None:
     batch = next(iter(read_tfrecord(tmp_path / "out", ["street"], batch_size=3)))
     assert batch["adc"].shape == (3, *FRAMES[0].results[RADAR].adc.shape)
     assert batch["points"].row_lengths().numpy().tolist() == [f.results[LIDAR].num_points for f in FRAMES[3:]]
+
+
+def test_scenes_of_more_and_fewer_objects_are_one_conversion(tmp_path) -> None:
+    """Cameras label each object of a frame; what does differ from scene to scene is named."""
+    whole = with_labels(FRAMES[0])
+    fewer = with_labels(replace(FRAMES[3], objects=FRAMES[3].objects[:2]))
+    export_tfrecord(FrameSource(DRIVE.rig, [SceneFrames("a", [whole]), SceneFrames("b", [fewer])]), tmp_path / "out")
+    found = [item[f"{CAMERA}:object_box"].shape for item in read_tfrecord(tmp_path / "out")]
+    assert found == [(4, 4), (2, 4)]
+    image = whole.results[CAMERA]
+    other = replace(whole, results={**whole.results, CAMERA: replace(image, depth=image.depth[:, :80])})
+    with pytest.raises(DatasetError, match=rf"scene b has float32 \(90, 80\) as '{CAMERA}:depth', .* \(90, 160\)"):
+        export_tfrecord(FrameSource(DRIVE.rig, [SceneFrames("a", [whole]), SceneFrames("b", [other])]), tmp_path / "no")
 
 
 def test_tfrecord_bad_input(tmp_path) -> None:

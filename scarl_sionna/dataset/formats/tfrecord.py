@@ -56,6 +56,8 @@ def export_tfrecord(
     MissingPackageError
         If TensorFlow is not installed.
     ParameterRangeError, UnknownNameError, OutputError
+    DatasetError
+        If scenes differ in the items, their types or shapes.
     """
     if frames_per_file < 1:
         raise ParameterRangeError("frames_per_file", frames_per_file, ">= 1")
@@ -74,9 +76,8 @@ def export_tfrecord(
                 continue
             samples = FrameSamples(scene.frames, items)
             found = {key: {"dtype": s.dtype.name, "shape": list(s.shape)} for key, s in samples.signature().items()}
-            if signature is not None and found != signature:
-                raise DatasetError(f"scene {scene.name} has items of other types or shapes", None, "convert it alone")
-            signature = found
+            signature = found if signature is None else signature
+            _check_same(signature, found, scene.name)
             count = -(-len(scene) // frames_per_file)
             files[scene.name] = [f"{scene.name}-{k:05d}-of-{count:05d}.tfrecord" for k in range(count)]
             for number, name in enumerate(files[scene.name]):
@@ -97,6 +98,19 @@ def export_tfrecord(
         }
         (folder / INFO).write_text(json.dumps(info, indent=1) + "\n", encoding="utf-8")
     return Path(out)
+
+
+def _check_same(first: Mapping[str, Mapping[str, Any]], found: Mapping[str, Mapping[str, Any]], scene: str) -> None:
+    """Raise if a scene's items are not those of the first scene, and name the first that is not."""
+    for key in sorted({*first, *found}):
+        if found.get(key) != first.get(key):
+            here, before = (
+                f"{item['dtype']} {tuple(item['shape'])}" if item else "nothing"
+                for item in (found.get(key), first.get(key))
+            )
+            raise DatasetError(
+                f"scene {scene} has {here} as '{key}', the scenes before {before}", None, "convert it alone"
+            )
 
 
 def read_tfrecord(

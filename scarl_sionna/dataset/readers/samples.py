@@ -17,14 +17,22 @@ from scarl_sionna.core.spec import FieldValue
 from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.dataset.derived.boxes import EGO_OFFSET
 from scarl_sionna.dataset.formats.source import Frames
-from scarl_sionna.dataset.schema import CAMERA, CLOSED_RADAR, LIDAR, RADIO, RESULT_TYPES, SCANNING_RADAR, TABLES
+from scarl_sionna.dataset.schema import (
+    CAMERA,
+    CLOSED_RADAR,
+    LIDAR,
+    OBJECT,
+    POINT,
+    RADIO,
+    RESULT_TYPES,
+    SCANNING_RADAR,
+    TABLES,
+)
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 if TYPE_CHECKING:
     from .reader import Dataset, Scene, StoredFrame
-
-    pass
 
 Array = npt.NDArray[Any]
 AnyFrame: TypeAlias = "Frame | StoredFrame"
@@ -56,7 +64,11 @@ _SHOWN_OF_KIND = {
 }
 """What is read of a sensor where nothing is asked for."""
 _BOX_ITEMS = ("boxes", "box_semantic", "box_instance")
-_FIXED_LENGTH = ("beat_signal", "waveform")
+_VARYING = {
+    ("lidar", "points"),
+    *((kind, item.name) for kind, table in TABLES.items() for item in table if item.axes[:1] in ((POINT,), (OBJECT,))),
+}
+"""Kinds and fields whose first axis differs in length from frame to frame: one row a return or an object."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +99,8 @@ class FrameSamples:
                        ``range_doppler`` float32 (num_doppler, num_range) [dBm]; ``range_azimuth`` float32
                        (num_range, num_azimuth) [dBm]
         camera         ``rgb`` uint8 (height, width, 3); ``depth`` float32 [m]; ``semantic`` uint8; ``instance`` uint16;
-                       ``normal``, ``flow`` float32
+                       ``normal``, ``flow`` float32; ``object_pixels``, ``object_box``, ``object_visible_box``,
+                       ``object_occlusion``, ``object_truncation``: one row an object of the frame (`ImageFrame`)
         lidar          ``points`` float32 (N, 5): x, y, z [m, sensor frame], intensity, radial velocity [m/s]; or a
         field of
                        `LidarScan`, one row a return
@@ -135,7 +148,8 @@ class FrameSamples:
 
     def signature(self) -> dict[str, ItemSpec]:
         """Return the type of every item, from the first frame."""
-        return {key: _spec_of(self.items[key], value) for key, value in self[0].items()}
+        first = self.frames[0]
+        return {key: _spec_of(first, self.items[key], value) for key, value in self[0].items()}
 
 
 def frame_objects(frame: AnyFrame) -> dict[str, Array]:
@@ -256,9 +270,7 @@ def _derived(result: FieldValue, field: str, cube_key: str, cache: dict[str, Any
     return getattr(result, field)
 
 
-def _spec_of(item: str, value: Array) -> ItemSpec:
-    field = item.rpartition(":")[2]
-    varies = field in _BOX_ITEMS or (field in LIDAR_ITEMS and field not in IMAGE_ITEMS and field not in _FIXED_LENGTH)
-    if ":" in item and field in IMAGE_ITEMS and field in LIDAR_ITEMS:  # semantic, instance, normal: image or returns
-        varies = value.ndim == (2 if field == "normal" else 1)
+def _spec_of(frame: AnyFrame, item: str, value: Array) -> ItemSpec:
+    sensor, colon, field = item.rpartition(":")
+    varies = (kind_of(frame.results[sensor]), field) in _VARYING if colon else field in _BOX_ITEMS
     return ItemSpec(value.dtype, (None, *value.shape[1:]) if varies else value.shape)
