@@ -133,6 +133,25 @@ def test_complex_samples_with_the_image_band_and_of_12_bits(tmp_path) -> None:
     assert other.radar == capture.radar and other.notes == capture.notes
 
 
+@pytest.mark.parametrize("bits", [12, 14, 16])
+@pytest.mark.parametrize("has_sign", [True, False])
+def test_the_sign_of_fewer_bits(tmp_path, bits, has_sign) -> None:
+    """Devices leave the bits above a sample's at zero; TI's reader and ours make them the sign."""
+    least = -(2 ** (bits - 1))
+    adc = np.random.default_rng(5).integers(least, -least, (4, 6, 128, 2)).astype(np.int16)
+    adc[0, 0, 0] = least, -least - 1
+    (tmp_path / "a.cfg").write_text(cfg_text(SENDERS, 2).replace("adcCfg 2 1", f"adcCfg {(bits - 12) // 2} 1"))
+    write_bin(tmp_path / "adc_data.bin", adc if has_sign or bits == 16 else adc & (2**bits - 1))
+    np.testing.assert_array_equal(ss.read_capture(tmp_path, "dca1000")[0].adc_int, adc)
+
+
+def test_samples_of_more_bits_than_described(tmp_path) -> None:
+    (tmp_path / "a.cfg").write_text(cfg_text(SENDERS, 2).replace("adcCfg 2 1", "adcCfg 0 1"))
+    write_bin(tmp_path / "adc_data.bin", np.full((4, 6, 128, 2), 5000, dtype=np.int16))
+    with pytest.raises(InputFileError, match="5000.*numbers of 12 bits"):
+        ss.read_capture(tmp_path, "dca1000")[0]
+
+
 def test_a_falling_ramp_and_bytes_that_are_left_over(tmp_path) -> None:
     (tmp_path / "a.cfg").write_text(cfg_text((0,), 2, slope_mhz_us=-30.0))
     write_bin(tmp_path / "adc_data.bin", FRAMES[0][:, :2])

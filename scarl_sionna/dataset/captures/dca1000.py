@@ -127,7 +127,7 @@ class _Frames:
         """Return I and Q of a frame, shape (num_rx, num_chirps_total, num_samples, 2)."""
         raw = self.pieces.int16(frame * self.size, self.size // 2)
         try:
-            return decode(raw, self.shape, self.order)
+            return decode(raw, self.shape, self.order, self.radar.adc.bits)
         except ParameterRangeError as error:
             raise InputFileError(f"describes no capture: {error}", self.description) from error
 

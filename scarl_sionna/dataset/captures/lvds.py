@@ -3,7 +3,7 @@
 References
 ----------
 .. [1] Texas Instruments, *Mmwave Radar Device ADC Raw Data Capture*, SWRA581B, 2018: order of I, Q, samples and
-   receivers with two and four lanes.
+   receivers with two and four lanes; sign of 12 and 14 bits by its readDCA1000.m.
 """
 
 from __future__ import annotations
@@ -41,7 +41,9 @@ ORDER = Order()
 """Of two lanes."""
 
 
-def decode(raw: npt.NDArray[np.int16], shape: tuple[int, int, int], order: Order = ORDER) -> npt.NDArray[np.int16]:
+def decode(
+    raw: npt.NDArray[np.int16], shape: tuple[int, int, int], order: Order = ORDER, bits: int = 16
+) -> npt.NDArray[np.int16]:
     """Return one frame of a capture as I and Q.
 
     Parameters
@@ -52,6 +54,8 @@ def decode(raw: npt.NDArray[np.int16], shape: tuple[int, int, int], order: Order
         (num_rx, num_chirps_total, num_samples).
     order : Order
         Left out: that of two lanes.
+    bits : int
+        Of a sample. Fewer than 16 may stand in the file with their sign or, as devices send them, without it.
 
     Returns
     -------
@@ -61,8 +65,9 @@ def decode(raw: npt.NDArray[np.int16], shape: tuple[int, int, int], order: Order
     Raises
     ------
     ParameterRangeError
-        If the length is not that of a frame, or does not fill the lanes.
+        If the length is not that of a frame, or does not fill the lanes, or a number has more bits.
     """
+    raw = signed(raw, bits)
     num_rx, num_chirps, num_samples = shape
     num_lanes, is_interleaved, q_first, is_real = order
     count = num_rx * num_chirps * num_samples * (1 if is_real else 2)
@@ -86,3 +91,22 @@ def decode(raw: npt.NDArray[np.int16], shape: tuple[int, int, int], order: Order
     else:
         ordered = pairs.reshape(num_chirps, num_rx, num_samples, 2).transpose(1, 0, 2, 3)
     return np.ascontiguousarray(ordered)
+
+
+def signed(raw: npt.NDArray[np.int16], bits: int) -> npt.NDArray[np.int16]:
+    """Return numbers of fewer than 16 bits with their sign: what is above ``2**(bits-1) - 1`` is below zero.
+
+    Numbers that have their sign stay as they are.
+
+    Raises
+    ------
+    ParameterRangeError
+        If one is not from ``-2**(bits-1)`` to ``2**bits - 1``.
+    """
+    if bits >= 16 or not raw.size:
+        return raw
+    least, most = int(raw.min()), int(raw.max())
+    if least < -(2 ** (bits - 1)) or most >= 2**bits:
+        raise ParameterRangeError("samples", f"{least} to {most}", f"numbers of {bits} bits")
+    unused = 16 - bits
+    return (raw << unused) >> unused
