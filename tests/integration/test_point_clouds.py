@@ -10,7 +10,8 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import InputFileError, UnknownNameError
-from scarl_sionna.dataset.derived.radar_points import sensed_points
+from scarl_sionna.dataset.derived.radar_points import SensedPoints, sensed_points
+from scarl_sionna.dataset.formats.nuscenes_parts.files import radar_file
 from scarl_sionna.dataset.statistics.groups import GROUP_NAMES
 from tests.drive import drive
 from tests.point_files import SCENES_ROW, write_pcd, write_radar_scenes, write_vod
@@ -42,6 +43,19 @@ def test_nuscenes(tmp_path) -> None:
     assert table.lacks == ("elevation", "snr_db", "group", "track") and "2 points of states" in table.notes[1]
     assert ss.read_points(tmp_path / "RADAR_FRONT", "nuscenes", only_valid=False).num_points == 3
     assert "lacks" in repr(table) and not ss.count_points(table).scans.size
+
+
+def test_a_sweep_of_nuscenes_without_points(tmp_path) -> None:
+    """The dataset says it by a first point of nan, as our exporter does."""
+    none = SensedPoints(NO_POINTS, np.zeros((0, 3)), np.zeros(0))
+    (tmp_path / "a__RADAR_FRONT__1000000.pcd").write_bytes(radar_file(none, ss.RadarSpec()))
+    write_pcd(tmp_path / "a__RADAR_FRONT__2000000.pcd", [{"x": 5.0}])
+    table = ss.read_points(tmp_path, "nuscenes")
+    assert table.num_scans == 2 and table.scan.tolist() == [1] and table.time.tolist() == [1.0]
+    assert ss.read_points(tmp_path / "a__RADAR_FRONT__1000000.pcd", "nuscenes").num_points == 0
+    write_pcd(tmp_path / "a__RADAR_FRONT__3000000.pcd", [{"x": 5.0}, {"x": float("nan")}])
+    with pytest.raises(InputFileError, match="no numbers"):
+        ss.read_points(tmp_path, "nuscenes")
 
 
 def test_view_of_delft(tmp_path) -> None:
@@ -162,7 +176,7 @@ def test_bad_files_are_told(tmp_path) -> None:
         with pytest.raises(InputFileError, match=message):
             ss.read_points(path, "nuscenes")
     path.write_bytes(
-        good.replace(b"DATA binary\n" + np.float32(1.0).tobytes(), b"DATA binary\n" + np.float32(np.nan).tobytes())
+        good.replace(b"DATA binary\n" + np.float32(1.0).tobytes(), b"DATA binary\n" + np.float32(np.inf).tobytes())
     )
     with pytest.raises(InputFileError, match="no numbers"):
         ss.read_points(path, "nuscenes")

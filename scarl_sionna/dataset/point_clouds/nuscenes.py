@@ -45,7 +45,8 @@ def read_nuscenes_points(path: str | Path, *, only_valid: bool = True) -> PointT
     Returns
     -------
     PointTable
-        No elevation, SNR, groups and tracks: boxes are in tables of their own.
+        No elevation, SNR, groups and tracks: boxes are in tables of their own. A file whose first point has a nan is a
+        scan without points.
 
     Raises
     ------
@@ -98,7 +99,7 @@ def _sensor_and_time(file: Path) -> tuple[str, int]:
 
 
 def _points(path: Path) -> npt.NDArray[np.void]:
-    """Return the points of a file as a structured array.
+    """Return the points of a file as a structured array: none where the first one has a nan, as the dataset says it.
 
     Raises
     ------
@@ -128,6 +129,8 @@ def _points(path: Path) -> npt.NDArray[np.void]:
     if not 0 <= count <= LARGEST or len(body) < count * dtype.itemsize:
         raise InputFileError(f"has {len(body)} bytes for {count} points of {dtype.itemsize}", path, "copy it again")
     points = np.frombuffer(body, dtype, count)
+    if count and any(np.isnan(points[0][name]) for name in dtype.names or () if dtype[name].kind == "f"):
+        return points[:0]
     if not all(np.all(np.isfinite(points[name])) for name in NEEDED[:7]):
         raise InputFileError("has values that are no numbers", path)
     return points
