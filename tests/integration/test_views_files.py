@@ -200,6 +200,13 @@ def test_mcap_points_boxes_and_images(recording) -> None:
     assert of_topic(recording, "/scene")[4] == {**of_topic(recording, "/scene")[4], "scene": "street", "frame": 1}
 
 
+def test_mcap_boxes_do_not_stay_when_their_objects_are_gone(recording) -> None:
+    """Each message takes away all boxes with earlier timestamps, those of the scene before, too."""
+    for content in of_topic(recording, "/objects"):
+        (gone,) = content["deletions"]
+        assert gone["type"] == 1 and all(box["timestamp"] == gone["timestamp"] for box in content["entities"])
+
+
 def test_mcap_transforms_lead_from_the_world_to_every_message(recording) -> None:
     transforms = of_topic(recording, "/tf")[0]["transforms"]
     parents = {t["child_frame_id"]: t["parent_frame_id"] for t in transforms}

@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 Message = tuple[str, str, dict[str, Any]]
 """Topic, schema name and content."""
 
+_DELETE_ALL = 1
+"""Foxglove's type of a deletion of all that is shown; of those with an earlier timestamp only."""
 LIBRARY = "scarl-sionna"
 """Stands in the header of our files."""
 _MAGIC = b"\x89MCAP0\r\n"
@@ -136,7 +138,8 @@ def _messages(
     time = {"sec": time_ns // 10**9, "nsec": time_ns % 10**9}
     yield "/tf", "foxglove.FrameTransforms", {"transforms": list(_transforms(source, frame, time))}
     yield "/scene", "scarl.Scene", {"timestamp": time, "scene": scene, "frame": frame.index, "seed": frame.seed}
-    yield "/objects", "foxglove.SceneUpdate", {"deletions": [], "entities": list(_entities(frame, time))}
+    gone = {"timestamp": time, "type": _DELETE_ALL, "id": ""}
+    yield "/objects", "foxglove.SceneUpdate", {"deletions": [gone], "entities": list(_entities(frame, time))}
     image: ImageFrame
     for name, image in frame.images.items():
         yield from _image_messages(name, image, time)
