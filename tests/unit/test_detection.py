@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import tracemalloc
+import warnings
 
 import numpy as np
 import pytest
+import scipy.special
 from scipy.optimize import minimize_scalar
 
 from scarl_sionna.core.errors import ParameterRangeError
@@ -15,8 +17,9 @@ from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import RangeDopplerAngle, range_doppler_angle, steering
 from scarl_sionna.signal.detection import cfar, detect
+from scarl_sionna.signal.detection.statistics import factor_on_mean
 from scarl_sionna.signal.detection.subbin import _axis
-from scarl_sionna.signal.detection.threshold import TrainingWindow, _threshold_factor
+from scarl_sionna.signal.detection.threshold import RANK, TrainingWindow, _threshold_factor
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from scarl_sionna.signal.windows import window_values
 
@@ -123,6 +126,31 @@ def test_the_window_may_fill_the_map_but_not_leave_it() -> None:
     for pfa in (0.0, 1.0):
         with pytest.raises(ParameterRangeError, match="pfa"):
             cfar(rd, pfa=pfa)
+
+
+@pytest.mark.parametrize("num_looks", [1, 12])
+@pytest.mark.parametrize("pfa", [0.9, 1e-6, 1e-16, 1e-40, 1e-300])
+def test_factors_of_any_rate(num_looks, pfa) -> None:
+    """One training cell's ratio to one look has the closed form 1 / (1 + T); others by their survival function."""
+    assert factor_on_mean(pfa, 1, np.ones(1)) == pytest.approx(1.0 / pfa - 1.0, rel=1e-9)
+    found = factor_on_mean(pfa, num_looks, np.array([2.0, 30.5]))
+    shape = num_looks * np.array([2.0, 30.5])
+    np.testing.assert_allclose(
+        scipy.special.betainc(shape, num_looks, shape / (shape + num_looks * found)), pfa, rtol=0.02
+    )
+    window = TrainingWindow.of(noise_map(RADAR).range_doppler, (0, 0), (1, 1), "range")
+    assert 0.0 < window.linked("ca", pfa, num_looks, RANK) < np.inf
+
+
+def test_a_strong_point_is_found_at_a_rate_of_1e_300() -> None:
+    paths = point_targets([[20.0, 3.0, 0.0]], [np.zeros(3)], 1000.0, RADAR, Pose())
+    cube = virtual_cube(synthesize(paths, RADAR, rng=np.random.default_rng(0)), RADAR)
+    rda = range_doppler_angle(cube, RADAR)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert detect(rda, pfa=1e-300).num_points == 1
+    with pytest.raises(ParameterRangeError, match="1e-300 <= pfa < 1"):
+        detect(rda, pfa=1e-310)
 
 
 def test_no_direction_at_all_is_refused() -> None:

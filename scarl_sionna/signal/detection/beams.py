@@ -51,7 +51,8 @@ def beams_above(
     ----------
     rda : RangeDopplerAngle
     pfa : float
-        Probability of false alarm of a cell of a beam in white noise, 0 < pfa < 1.
+        Probability of false alarm of a cell of a beam in white noise; its bounds are those of
+        :func:`~scarl_sionna.signal.detection.cfar`.
     window : (tuple of int, tuple of int)
         Half-widths in cells (Doppler, range) of guard and training, as for
         :func:`~scarl_sionna.signal.detection.cfar`.

@@ -25,7 +25,8 @@ _SCALES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
 _FREEDOM = 16
 _NODES_A_SCALE = 12_000
 _LEAST_NODES = 3_000
-_LARGEST = 60.0
+_LARGEST, _LARGEST_ON_MEAN = 60.0, 709.0
+"""Logarithm of the largest factor: of levels that are averaged over nodes, and of the mean."""
 
 
 class Links:
@@ -89,10 +90,11 @@ def factor_of_links(kind: str, pfa: float, num_looks: int, links: Links, rank: f
     """
     if kind == "ca":
         part = np.linalg.eigvalsh(links.covariances[0]) / len(links.covariances[0])
-        return _solved(lambda factor: _log_rate_of_mean(factor * np.maximum(part, 0.0), num_looks), pfa)
+        part = np.maximum(part, 0.0)
+        return _solved(lambda factor: _log_rate_of_mean(factor * part, num_looks), pfa, _LARGEST_ON_MEAN)
     level, log_weight = _levels(kind, num_looks, links, rank)
     whole = _log_mean(log_weight)  # 0 but for the nodes' scatter
-    return _solved(lambda factor: _log_mean(log_weight + _log_tail(num_looks, factor * level)) - whole, pfa)
+    return _solved(lambda factor: _log_mean(log_weight + _log_tail(num_looks, factor * level)) - whole, pfa, _LARGEST)
 
 
 def _log_rate_of_mean(part: Array, num_looks: int) -> float:
@@ -117,10 +119,10 @@ def _log_tail(num_looks: int, level: Array) -> Array:
     return np.asarray(scipy.special.logsumexp(terms, axis=1) - scaled)
 
 
-def _solved(log_rate: Callable[[float], float], pfa: float) -> float:
+def _solved(log_rate: Callable[[float], float], pfa: float, largest: float) -> float:
     """Return the factor at which the logarithm of a rate, falling with the factor, is that of `pfa`."""
     goal = np.log(pfa)
-    return float(np.exp(brentq(lambda value: log_rate(float(np.exp(value))) - goal, -_LARGEST, _LARGEST, xtol=1e-8)))
+    return float(np.exp(brentq(lambda value: log_rate(float(np.exp(value))) - goal, -largest, largest, xtol=1e-8)))
 
 
 def _log_mean(exponent: Array) -> float:

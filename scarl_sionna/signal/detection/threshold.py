@@ -15,7 +15,7 @@ from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from ..processing import RangeDoppler
 from ..windows import window_values
 from .correlated import MOST_CELLS, MOST_VALUES, Links, factor_of_links
-from .statistics import LEAST_PFA, Halves, factor, order_of, rate_of_each
+from .statistics import LEAST_PFA, LEAST_PFA_OF_MEAN, Halves, factor, factor_on_mean, order_of, rate_of_each
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -64,10 +64,10 @@ class Statistic(NamedTuple):
         Raises
         ------
         ParameterRangeError
-            If one is, or `pfa` is not between 0 and 1.
+            If one is, or `pfa` is not at least `LEAST_PFA_OF_MEAN` and below 1.
         """
-        if not 0.0 < pfa < 1.0:
-            raise ParameterRangeError("pfa", pfa, "0 < pfa < 1")
+        if not LEAST_PFA_OF_MEAN <= pfa < 1.0:
+            raise ParameterRangeError("pfa", pfa, f"{LEAST_PFA_OF_MEAN:g} <= pfa < 1")
         if self.kind not in KINDS:
             raise ParameterRangeError("kind", repr(self.kind), " or ".join(map(repr, KINDS)))
         if pfa < LEAST_PFA and self.kind != "ca":
@@ -91,7 +91,8 @@ def cfar(
     ----------
     rd : RangeDoppler
     pfa : float
-        Probability of false alarm of a cell in white noise, 0 < pfa < 1.
+        Probability of false alarm of a cell in white noise, 1e-300 <= pfa < 1; of other kinds than ``"ca"`` 1e-18 and
+        more.
     guard, training : tuple of int
         Half-widths in cells (Doppler, range): of the neighbours left out, and of the training cells beyond them.
     **options
@@ -337,7 +338,7 @@ class TrainingWindow:
             covariances.append(self.correlation[0][apart[..., 0]] * self.correlation[1][apart[..., 1]])
         exact = factor_of_links(kind, pfa, num_looks, Links(*covariances), rank)
         if kind == "ca":  # also for rates that the integral cannot tell
-            return exact / float(_factor_on_mean(pfa, num_looks, np.array(len(offsets) * self.loss)))
+            return exact / float(factor_on_mean(pfa, num_looks, np.array(len(offsets) * self.loss)))
         return exact / factor(kind, pfa, num_looks, self.halves(kind), rank)
 
     def offsets(self, kind: Kind) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -375,15 +376,8 @@ def fitting_window(shape: tuple[int, int], guard: Widths = GUARD, training: Widt
 def _threshold_factor(window: TrainingWindow, num_looks: int, pfa: float, count: Array) -> Array:
     """Return the factor on the training average for every cell."""
     values, inverse = np.unique(count, return_inverse=True)
-    factors = _factor_on_mean(pfa, num_looks, values * window.loss) * window.linked("ca", pfa, num_looks, RANK)
+    factors = factor_on_mean(pfa, num_looks, values * window.loss) * window.linked("ca", pfa, num_looks, RANK)
     return np.asarray(factors[inverse].reshape(count.shape))
-
-
-def _factor_on_mean(pfa: float, num_looks: int, freedom: Array) -> Array:
-    """Return the factor on the mean of so many independent training cells, at least of one."""
-    from scipy.stats import f  # 0.5 s, which labels, for example, need not wait for
-
-    return np.asarray(f.isf(pfa, 2 * num_looks, 2 * num_looks * np.maximum(freedom, 1.0)))
 
 
 def _box_sum(values: Array, size: tuple[int, ...]) -> Array:
@@ -401,7 +395,7 @@ def _correlation_loss(correlation: tuple[Phasors, Phasors], outer: Widths, inner
     mask = np.ones(outer)
     middle = tuple(slice((o - i) // 2, (o + i) // 2) for o, i in zip(outer, inner, strict=True))
     mask[middle] = 0.0
-    from scipy.signal import correlate  # as above
+    from scipy.signal import correlate  # 0.5 s, which labels, for example, need not wait for
 
     overlap = correlate(mask, mask, mode="full", method="fft")
     total = float((overlap * np.outer(doppler, distance)).sum())
