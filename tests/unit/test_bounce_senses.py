@@ -15,7 +15,7 @@ def test_the_width_of_a_flat_region_is_its_narrow_side(tmp_path) -> None:
     """A strip of 8 x 0.5 m, 0.2 % off by its diagonal; a cube of 1 m, whose faces are 1 m over their diagonal."""
     things = [Thing("strip", plane(8.0, 0.5)), Thing("cube", box((1.0, 1.0, 1.0), (0, 0, 3)))]
     table = face_table(load_scene(write_scene(tmp_path, things)).at(0.0))
-    found = flat_widths(table)
+    found = flat_widths(table.triangles.corners, table.plane)
     assert found[table.part == 0] == pytest.approx(0.5, rel=3e-3)
     assert found[table.part == 1] == pytest.approx(np.sqrt(0.5), rel=1e-9)
 

@@ -11,7 +11,7 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
-from scarl_sionna.dataset.derived.radar_points import SensedPoints
+from scarl_sionna.dataset.derived.radar_points import SensedPoints, velocity_over_ground
 from scarl_sionna.dataset.formats.nuscenes_parts.files import RADAR_FIELDS, radar_file
 from scarl_sionna.dataset.point_clouds.nuscenes import read_nuscenes_points
 from scarl_sionna.dataset.statistics.counted import POINT_ROW
@@ -44,6 +44,18 @@ def test_it_is_not_known_at_the_ends_of_the_angles(sine: float) -> None:
     for sines in ([[sine, 0.0]], [[0.0, sine]]):
         assert np.isnan(cross_section(radar, np.array(sines), np.ones(1), np.ones(1))).all()
     assert np.isfinite(cross_section(radar, np.array([[0.9999, 0.0]]), np.ones(1), np.ones(1))).all()
+
+
+def test_it_is_not_known_at_range_0() -> None:
+    found = cross_section(RADAR, np.zeros((2, 2)), np.array([0.0, 0.1]), np.ones(2))
+    assert np.isnan(found).tolist() == [True, False]
+
+
+def test_a_point_at_range_0_has_a_direction() -> None:
+    """It stands at the radar; its velocity over ground is still that of its own line of sight."""
+    there = planted(np.zeros((1, 2)), np.array([-8.66]))
+    points = replace(there, azimuth=np.array([np.pi / 6]))
+    assert velocity_over_ground(points, np.array([10.0, 0.0, 0.0])) == pytest.approx(10 * np.cos(np.pi / 6) - 8.66)
 
 
 def cells(radar: ss.RadarSpec, waves: dict[float, float]) -> ss.RadarPoints:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import Frame, RadarFrame
-from scarl_sionna.signal.angle import range_doppler_angle
+from scarl_sionna.signal.angle import directions, range_doppler_angle
 from scarl_sionna.signal.detection import RadarPoints, detect
 from scarl_sionna.signal.processing import virtual_cube
 
@@ -67,8 +67,8 @@ def velocity_over_ground(points: RadarPoints, velocity: Array) -> Array:
 
 
 def _direction(points: RadarPoints) -> Array:
-    """Return unit vectors towards points, shape (num_points, 3)."""
-    return np.asarray(points.position / np.maximum(points.range, 1e-9)[:, None])
+    """Return unit vectors towards points, shape (num_points, 3); those at range 0 have a direction, too."""
+    return directions(points.azimuth, points.elevation)
 
 
 def sensed_points(frame: Frame, radar: RadarFrame, pfa: float = 1e-6) -> SensedPoints:

@@ -30,9 +30,9 @@ _STEP_DEG = 5.0
 def cross_section(radar: RadarSpec, sines: Array, distance: Array, received: Array, left: Array | float = 1.0) -> Array:
     """Return the RCS [m2] of targets by the radar equation; NaN where it is not known.
 
-    It is not known where the two-way gain, with what the filters leave, is more than `DEAF_DB` under its largest, and
-    at an end of the axis of angles (sine of 1 or beyond), which is no measured direction: the beamformer's maximum is
-    outside the real angles, or the two sides of a line of half a wavelength are one.
+    It is not known at range 0, where the two-way gain, with what the filters leave, is more than `DEAF_DB` under its
+    largest, and at an end of the axis of angles (sine of 1 or beyond), which is no measured direction: the
+    beamformer's maximum is outside the real angles, or the two sides of a line of half a wavelength are one.
 
     Parameters
     ----------
@@ -56,11 +56,11 @@ def cross_section(radar: RadarSpec, sines: Array, distance: Array, received: Arr
     """
     gain = beam_gain(radar.array, directions(*np.arcsin(np.clip(sines, -1.0, 1.0)).T)) * left
     deaf = gain <= 10.0 ** (-DEAF_DB / 10.0) * _largest_gain(radar.array)
-    unknown = deaf | (np.abs(sines) >= 1.0).any(axis=1)
+    unknown = deaf | (np.abs(sines) >= 1.0).any(axis=1) | (distance <= 0.0)
     of_square_metre = (
         dbm_to_watt(radar.front_end.tx_power_dbm)
         * np.where(unknown, 1.0, gain)
-        * radar_gain(radar.wavelength, np.maximum(distance, 1e-3))
+        * radar_gain(radar.wavelength, np.where(unknown, 1.0, distance))
     )
     return np.where(unknown, np.nan, received / of_square_metre)
 

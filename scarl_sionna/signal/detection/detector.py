@@ -58,7 +58,8 @@ def detect(
     radar : RadarSpec, optional
         Default: that of the map.
     pfa : float
-        Probability of false alarm of a cell in white noise, 0 < pfa < 1.
+        Probability of false alarm of a cell in white noise, 1e-300 <= pfa < 1; of other kinds than ``"ca"`` 1e-18 and
+        more.
     guard, training : tuple of int, optional
         Half-widths in cells (Doppler, range): of the neighbours left out, and of the training cells beyond them. Left
         out: (3, 3) and (6, 8), or what fits into a smaller map.
@@ -105,7 +106,8 @@ def detect(
     `rcs` and `snr_db` take into account what the receiver's filters leave at a point's beat frequency, as its maker
     knows it (:func:`~scarl_sionna.signal.front_end.echoes.echo_transfer`); not the errors of channels, compression, or
     the converter's `response`. Where antennas and filters leave next to nothing (more than 60 dB under the largest
-    two-way gain), and at +-90 deg, where the beamformer's maximum is outside the real angles, `rcs` is not known: NaN
+    two-way gain), at range 0, and at +-90 deg, where the beamformer's maximum is outside the real angles, `rcs` is not
+    known: NaN
     (:func:`~scarl_sionna.signal.detection.cross_section.cross_section`). Further directions of a cell are never there:
     they are what is left where more targets than directions share a cell.
 

@@ -50,7 +50,7 @@ class RadarPoints(
         Power of the cell after beamforming over its thermal noise, both behind the receiver's filters [dB].
     rcs : ndarray of float64, shape (num_points,)
         From the radar equation with the antennas' gains and what the receiver's filters leave at that beat frequency
-        [m2]; NaN where they leave next to nothing or the direction is none, so that it is not known.
+        [m2]; NaN where they leave next to nothing, the direction is none, or the range is 0, so that it is not known.
     cell : ndarray of int64, shape (num_points,), or None
         Number of the map's cell that a point was found in, counted along range, then Doppler; several directions of a
         cell have the same one. None for points that are of no map.
