@@ -34,7 +34,9 @@ AFTER_FIRST = {"radar_ch3": 0, "radar_ch0": 1, "radar_ch2": 2, "radar_ch1": 3}
 BANDS = (0, *range(5, 16))
 """Doppler band of each transmitter (rpl.py: the first one, then those from 5 on, of 16)."""
 LARGEST_LOG = 256 * MEGABYTE
-FIELDS = {"timestamp": 1, "sample": 7, "sensor": 10, "offset": 13, "size": 16}
+DELAY_US = 180_000
+"""How much earlier than its log says the dataset takes a radar's frame for (DBReader.py, offsetTable) [us]."""
+FIELDS = {"timestamp": 1, "issue": 4, "sample": 7, "sensor": 10, "offset": 13, "size": 16}
 """Word of a line of the log, of 17 words."""
 ASSUMED = (
     "carrier, ramp and antennas are this project's assumptions (preset radial_hd): ranges and velocities are scaled by "
@@ -60,7 +62,8 @@ def read_radial_capture(
     Returns
     -------
     Capture
-        Frames of which the log has all four chips.
+        Frames of which the log has all four chips. Times are those of the dataset's own reader, on the clock that all
+        its sensors share: the log's, shifted so that the first frame has its time of issue, less `DELAY_US`.
 
     Raises
     ------
@@ -85,6 +88,8 @@ def read_radial_capture(
     wrong = next((event for frame in frames for event in frame.values() if event.size != size), None)
     if wrong is not None:
         raise InputFileError(f"tells of a frame of {wrong.size} bytes a chip, {size} are read", log)
+    begin = events["radar_ch3"][0]
+    shift = begin.issue - begin.timestamp - DELAY_US
     left_out = len(events["radar_ch3"]) - len(frames)
     notes = [*([LEVELS] if full_scale_dbm is None else []), *([ASSUMED] if array is None else [])]
     if left_out:
@@ -93,7 +98,7 @@ def read_radial_capture(
         format=FORMAT,
         radar=radar,
         num_frames=len(frames),
-        timestamp_ns=np.array([frame["radar_ch3"].timestamp * 1000 for frame in frames], dtype=np.int64),
+        timestamp_ns=np.array([(frame["radar_ch3"].timestamp + shift) * 1000 for frame in frames], dtype=np.int64),
         notes=tuple(notes),
         scale=step_size(radar),
         read=_Frames(files, frames, radar).read,
@@ -101,9 +106,13 @@ def read_radial_capture(
 
 
 class _Event(NamedTuple):
-    """A line of the log about a radar chip: time [us], number of the sample, place in the file and size [bytes]."""
+    """A line of the log about a radar chip.
+
+    Time and time of issue [us], number of the sample, place in the file and size [bytes].
+    """
 
     timestamp: int
+    issue: int
     sample: int
     offset: int
     size: int
@@ -143,14 +152,13 @@ def _events(log: Path) -> dict[str, list[_Event]]:
         if len(words) <= FIELDS["sensor"] or words[FIELDS["sensor"]] not in out:
             continue
         try:
-            timestamp, sample, offset, size = (
-                int(words[FIELDS[name]]) for name in ("timestamp", "sample", "offset", "size")
-            )
+            event = _Event(*(int(words[FIELDS[name]]) for name in _Event._fields))
         except (ValueError, IndexError) as error:
             raise InputFileError(f"has no numbers of a radar's frame in line {number}", log) from error
-        if not (abs(timestamp) < 9e15 and 0 <= sample < 2**62 and 0 <= offset < 2**62 and 0 <= size < 2**40):
+        is_time = abs(event.timestamp) < 9e14 and abs(event.issue) < 9e14
+        if not (is_time and 0 <= event.sample < 2**62 and 0 <= event.offset < 2**62 and 0 <= event.size < 2**40):
             raise InputFileError(f"has a number in line {number} that none of a frame can be", log)
-        out[words[FIELDS["sensor"]]].append(_Event(timestamp, sample, offset, size))
+        out[words[FIELDS["sensor"]]].append(event)
     return out
 
 
