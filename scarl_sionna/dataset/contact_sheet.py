@@ -93,7 +93,8 @@ def contact_sheet(
     max_range : float
         Last range and depth shown [m].
     markers : bool
-        Mark the true places of the moving objects on the radar maps.
+        Mark the true places of the moving objects on the radar maps; velocities beyond the unambiguous interval where
+        they fold to.
 
     Returns
     -------
@@ -232,6 +233,8 @@ def _draw_radar(
     near = maps.range <= max_range
     _draw_power(doppler_axis, maps.radial_velocity, maps.range[near], maps.range_doppler_dbm[:, near].T)
     _draw_power(azimuth_axis, np.degrees(maps.azimuth), maps.range[near], maps.range_azimuth_dbm[near])
+    for axis in (doppler_axis, azimuth_axis):
+        _draw_end(axis, float(maps.range[-1]), max_range)
     doppler_axis.set(xlabel="radial velocity [m/s], opening is positive", ylabel="range [m]", ylim=(0.0, max_range))
     half = radar.spec.azimuth_fov_deg / 2.0
     azimuth_axis.set(xlabel="azimuth [deg]", ylabel="range [m]", ylim=(0.0, max_range), xlim=(half, -half))
@@ -241,7 +244,7 @@ def _draw_radar(
     near_first = sorted((place, name) for place, name in places if place is not None and place[0] <= 0.97 * max_range)
     for number, ((distance, velocity, azimuth_deg), name) in enumerate(near_first):
         text = name if number < _MOST_NAMES else ""
-        _mark(doppler_axis, velocity, distance, text)
+        _mark(doppler_axis, _on_axis(velocity, maps.radial_velocity), distance, text)
         _mark(azimuth_axis, azimuth_deg, distance, text)
 
 
@@ -254,6 +257,25 @@ def _draw_power(axis: Axes, across: np.ndarray, distance: np.ndarray, power_dbm:
     axis.set_box_aspect(9 / 16 / 0.8)
     axis.set_facecolor(mpl.colormaps[POWER_MAP](0.0))
     colour_bar(axis, image, "power [dBm]", extend="min")
+
+
+def _draw_end(axis: Axes, last: float, max_range: float) -> None:
+    """Tell what is above a radar's last range [m]: nothing measured, not nothing there."""
+    if last < max_range:
+        axis.axhspan(last, max_range, facecolor="0.5", edgecolor="none")
+        middle = (last + max_range) / 2.0
+        axis.text(
+            0.5, middle, "beyond the radar's range", transform=axis.get_yaxis_transform(), ha="center", va="center"
+        )
+
+
+def _on_axis(velocity: float, axis: npt.NDArray[np.float64]) -> float:
+    """Return where an echo of a radial velocity [m/s] stands on the Doppler axis, which is periodic."""
+    if len(axis) < 2:
+        return float(axis[0])
+    step = axis[1] - axis[0]
+    first = axis[0] - step / 2.0
+    return float(first + (velocity - first) % (len(axis) * step))
 
 
 def _in_radar(item: ObjectState, frame: Frame, radar: RadarFrame) -> tuple[float, float, float] | None:

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from PIL import Image
 
-from scarl_sionna.core.errors import DatasetError, OutputError, ParameterRangeError
+from scarl_sionna.core.errors import DatasetError, OutputError, ParameterRangeError, ScarlWarning
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.formats import convert
@@ -132,7 +132,8 @@ def test_boxes_of_yolo_are_those_of_coco(coco_folder, tmp_path) -> None:
 
 
 def test_one_split_alone_still_names_both_that_a_trainer_wants(tmp_path) -> None:
-    export_yolo(SOURCE.subset(splits=["val"]), tmp_path / "yolo")
+    with pytest.warns(ScarlWarning, match="split 'train': data.yaml names those of images/val"):
+        export_yolo(SOURCE.subset(splits=["val"]), tmp_path / "yolo")
     about = yaml.safe_load((tmp_path / "yolo" / "data.yaml").read_text())
     assert about["train"] == about["val"] == "images/val"
 

@@ -70,6 +70,27 @@ def test_the_mark_of_an_object_is_at_its_peak_in_both_maps(distance, azimuth_deg
     assert abs(np.degrees(maps.azimuth[column]) - mark[2]) <= np.degrees(1.0 / 128 / np.cos(np.radians(35.0))) + 0.1
 
 
+def test_the_mark_of_a_fast_object_is_at_its_folded_echo() -> None:
+    item = car(20.0, 0.0, 3.6 * RADAR.unambiguous_velocity)
+    frame = radar_frame(item)
+    maps = sheet.radar_maps(frame.radars["front/radar"])
+    _, velocity, _ = sheet._in_radar(item, frame, frame.radars["front/radar"])
+    assert velocity > RADAR.unambiguous_velocity
+    row = np.argmax(maps.range_doppler_dbm.max(axis=1))
+    assert sheet._on_axis(velocity, maps.radial_velocity) == pytest.approx(
+        maps.radial_velocity[row], abs=0.6 * RADAR.velocity_resolution
+    )
+    assert sheet._on_axis(3.0, np.zeros(1)) == 0.0
+
+
+def test_what_is_beyond_the_radars_range_is_told() -> None:
+    frame = radar_frame(car(12.0, 35.0, 3.0))
+    last = sheet.radar_maps(frame.radars["front/radar"]).range[-1]
+    for max_range, told in ((0.9 * last, 0), (2.0 * last, 2)):
+        axes = sheet.contact_sheet(frame, max_range=max_range).axes
+        assert sum("beyond" in text.get_text() for axis in axes for text in axis.texts) == told
+
+
 def test_no_mark_outside_the_radars_view() -> None:
     item = car(12.0, 75.0, 0.0)
     frame = radar_frame(item)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Literal
 
 import yaml
 
+from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.dataset.formats.output import whole_folder
 from scarl_sionna.dataset.formats.pictures import encode_image
 from scarl_sionna.dataset.formats.source import Convertible, OnProgress, as_source, no_progress
@@ -36,7 +38,8 @@ def export_yolo(
     data : FrameSource, dataset or path
         See `as_source`. A camera with instance images has the place and lens of each colour camera.
     out : path
-        Folder to make: ``images/train/...``, ``labels/train/...`` and ``data.yaml``, in the layout of Ultralytics.
+        Folder to make: ``images/train/...``, ``labels/train/...`` and ``data.yaml``, in the layout of Ultralytics. A
+        trainer wants both ``train`` and ``val``: what the dataset lacks is the other one, with a warning.
     image_format : str
         ``"jpg"`` or, without loss, ``"png"``.
     min_pixels : int
@@ -66,8 +69,14 @@ def export_yolo(
             assert shown.image.rgb is not None
             (images / f"{shown.stem}.{image_format}").write_bytes(encode_image(shown.image.rgb, image_format))
             (labels / f"{shown.stem}.txt").write_text("".join(_lines(shown)), encoding="utf-8")
-        # a trainer wants both: what is not there is taken from what is; names are relative to this file
-        first = next(iter(splits.values()))
+        first = next(iter(splits.values()))  # names are relative to this file
+        for name in sorted({"train", "val"} - set(splits)):
+            warnings.warn(
+                f"no images are of the split '{name}': {INFO} names those of {first} in its place, so that a network "
+                "is validated on what it is trained with; give drives to both splits",
+                ScarlWarning,
+                stacklevel=2,
+            )
         about = {"train": first, "val": first, **splits, "names": dict(enumerate(NAMES))}
         (folder / INFO).write_text(yaml.safe_dump(about, sort_keys=False), encoding="utf-8")
     return Path(out)
