@@ -130,9 +130,9 @@ def observe(
     time : float
         [s]; it is rounded to whole nanoseconds, the frame's `timestamp_ns`.
     seed : int
-        Root of all random numbers, >= 0. A sensor's numbers depend on seed, timestamp and the sensor's name only: not
-        on the order of the sensors and not on the other sensors of the rig. Start times of interferers depend on seed,
-        timestamp and the interferer.
+        Root of all random numbers, >= 0. A sensor's numbers depend on seed, timestamp, the sensor's name and, in the
+        world of a scenario, the drive's (`World.with_noise_of`) only: not on the order of the sensors and not on the
+        other sensors of the rig. Start times of interferers depend on these and the interferer.
     radar : RadarSettings, optional
         The fields that are set in it replace those of every radar of the rig: method, tolerance, noise and the like.
     vehicle : Mount or Pose, optional
@@ -191,8 +191,10 @@ def observe(
             if mount.kind in SPEC_TYPES:
                 check_placement(state, carrier.at(mount.vehicle_from_sensor).pose.position, f"sensor '{mount.name}'")
 
+    drive = {"drive": world.noise_name} if world.noise_name else {}
+
     def draw(name: str) -> float:
-        return float(seeds.generator(seed, "interferer", frame=timestamp_ns, sensor=name).uniform())
+        return float(seeds.generator(seed, "interferer", frame=timestamp_ns, sensor=name, **drive).uniform())
 
     for position, mount in enumerate(looking):
         on_stage(mount.name, position / len(looking))
@@ -200,7 +202,7 @@ def observe(
         results[mount.name] = _sensor(_with_places(mount, rig, carrier, state.time, draw)).observe(
             state,
             carrier.at(mount.vehicle_from_sensor),
-            seeds.generator(seed, mount.kind, frame=timestamp_ns, sensor=mount.name),
+            seeds.generator(seed, mount.kind, frame=timestamp_ns, sensor=mount.name, **drive),
         )
         timings[mount.kind] = timings.get(mount.kind, 0.0) + perf_counter() - started
     started = perf_counter()

@@ -110,6 +110,7 @@ def scene_configuration(scenario: ScenarioSpec) -> dict[str, Any]:
         "start_time": scenario.start_time,
         "frame_rate": scenario.frame_rate,
         "seed": scenario.seed,
+        "noise_of": scenario.noise_name,
         **fingerprint(composition),
     }
 

@@ -73,6 +73,7 @@ class World(Described):
         self._dry = document, materials, document.lighting
         self._changes: Changes[World] = Changes()
         self.name = document.name
+        self.noise_name = ""
         self.ego = document.ego
         self.parts, self._entries = part_table(document, materials)
         self._twins: dict[str, Twin] = {}
@@ -229,7 +230,17 @@ class World(Described):
         document, materials, lighting = self._dry
         staged = World(stage_document(replace(document, lighting=lighting), actors, ego), materials)
         staged = staged if self.weather == Weather() else staged.with_weather(self.weather)
-        return staged.with_changes(self.changes).with_names(self._names)
+        return staged.with_changes(self.changes).with_names(self._names).with_noise_of(self.noise_name)
+
+    def with_noise_of(self, name: str) -> World:
+        """Return this world with the noise of a drive of some name; it shares everything else.
+
+        Sensors draw their random numbers by `noise_name`, beside seed, time and their own names. It is that of the
+        drive in the world of a scenario, so that drives of one seed have noise of their own, and empty in a scene.
+        """
+        other = copy.copy(self)
+        other.noise_name = name
+        return other
 
     def with_names(self, names: Mapping[str, str | None]) -> World:
         """Return this world with further names of actors; it shares everything else.

@@ -126,7 +126,7 @@ def build_world(spec: ScenarioSpec) -> World:
     Returns
     -------
     World
-        With the scenario's actors, light and weather; its ego is the scenario's, else the scene's.
+        With the scenario's actors, light, weather and noise; its ego is the scenario's, else the scene's.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def build_world(spec: ScenarioSpec) -> World:
         world = world.with_lighting(spec.lighting)
     if spec.weather is not None:
         world = world.with_weather(spec.weather)
-    return world.with_changes(spec.changes)
+    return world.with_changes(spec.changes).with_noise_of(spec.noise_name)
 
 
 def scene_of(spec: ScenarioSpec) -> SceneDocument:

@@ -19,7 +19,9 @@ import trimesh
 
 from scarl_sionna.batch import ExportSettings, export
 from scarl_sionna.batch import job as job_module
+from scarl_sionna.batch import plan as plan_module
 from scarl_sionna.batch.cluster import portable
+from scarl_sionna.batch.plan import scene_configuration
 from scarl_sionna.core.errors import (
     ExportError,
     OutputError,
@@ -74,6 +76,31 @@ def test_the_dataset_holds_what_observe_gives(scenarios, undisturbed) -> None:
         assert_same(stored.objects, direct.objects)
         assert (stored.timestamp_ns, stored.seed) == (direct.timestamp_ns, direct.seed)
     assert verify(undisturbed).complete
+
+
+def test_drives_of_one_seed_share_noise_only_if_they_say_so(scenarios, tmp_path) -> None:
+    first = scenarios[0].with_(num_frames=1)
+    drives = [first, *(first.with_(name=name, noise_of=shared) for name, shared in (("own", None), ("same", "one")))]
+    export(drives, tmp_path / "out", SETTINGS)
+    dataset = open_dataset(tmp_path / "out")
+    one, own, same = (dataset.scene(name).frame(0).to_frame() for name in ("one", "own", "same"))
+    for sensor, field in (("radar", "adc_int"), ("camera", "rgb")):
+        values = [getattr(frame.results[f"front/{sensor}"], field) for frame in (one, own, same)]
+        assert_same(values[0], values[2])
+        assert (values[0] != values[1]).any()
+
+
+def test_a_dataset_whose_noise_went_by_the_seed_alone_is_refused(scenarios, tmp_path, monkeypatch) -> None:
+    def before(scenario: ScenarioSpec) -> dict:
+        found = scene_configuration(scenario)
+        del found["noise_of"]
+        return found
+
+    with monkeypatch.context() as patch:
+        patch.setattr(plan_module, "scene_configuration", before)
+        export([scenarios[1].with_(num_frames=1)], tmp_path / "out", SETTINGS)
+    with pytest.raises(OutputError, match=r"scenes\.two\.noise_of: None there, 'two' asked for"):
+        export([scenarios[1]], tmp_path / "out", SETTINGS)
 
 
 def test_a_finished_export_makes_nothing_again(scenarios, undisturbed) -> None:

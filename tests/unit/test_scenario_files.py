@@ -22,6 +22,7 @@ from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.scenario.spec.actors import ActorSpec, EgoSpec, JitterSpec, RandomizationSpec, TrafficSpec
 from scarl_sionna.scenario.spec.light import lighting_at, sun_at
 from scarl_sionna.scenario.spec.motion import AccelerateSpec, BrakeSpec, RouteSpec, ShiftSpec, StaticSpec, WaypointsSpec
+from scarl_sionna.scenario.spec.named import scenario_of
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
 FULL = """\
@@ -115,6 +116,15 @@ def write(folder: Path, text: str, name: str = "drive.yaml") -> Path:
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def test_noise_goes_by_the_name_of_the_drive_or_of_its_file(tmp_path) -> None:
+    path = write(tmp_path, "scene: tunnel\n", "my drive.yaml")
+    read = ScenarioSpec.load(path)
+    assert read.noise_name == read.resolved().noise_name == pickle.loads(pickle.dumps(read)).noise_name == "my_drive"
+    assert scenario_of(str(path)).noise_name == read.with_(seed=2).noise_name == "my_drive"
+    assert read.with_(name="x").noise_name == "x" and read.with_(name="x", noise_of="y").noise_name == "y"
+    assert ScenarioSpec(scene="tunnel").noise_name == "tunnel"
 
 
 def test_python_and_yaml_say_the_same_in_the_same_bytes(tmp_path) -> None:

@@ -60,6 +60,8 @@ def configuration(base) -> dict:
 
 CHANGES = [
     {"seed": 1},
+    {"name": "x"},  # noise is drawn by it
+    {"noise_of": "y"},
     {"frame_rate": 11.0},
     {"start_time": 0.1},
     {"detail": "light"},
@@ -123,7 +125,7 @@ def test_every_field_that_decides_frames_changes_it(base, configuration) -> None
 @pytest.mark.parametrize(
     "change",
     [
-        {"name": "x"},
+        {"noise_of": "drive"},  # the name of its file
         {"split": "test"},
         {"collisions": "allow"},
         {"num_frames": 3},
@@ -157,7 +159,7 @@ def test_no_paths_stand_in_it(folder, configuration) -> None:
 
 def test_a_plain_scenario_has_the_configuration_it_always_had(folder) -> None:
     plain = scene_configuration(ScenarioSpec(scene=str(folder / "synthetic.xml")))
-    assert set(plain) == {"scene", "scene_files", "start_time", "frame_rate", "seed"}
+    assert set(plain) == {"scene", "scene_files", "start_time", "frame_rate", "seed", "noise_of"}
 
 
 def test_the_hash_of_a_plan(base, folder, monkeypatch) -> None:

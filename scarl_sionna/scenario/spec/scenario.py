@@ -71,6 +71,12 @@ class ScenarioSpec(Spec):
     name: str | None = Field(
         None, pattern=r"^[A-Za-z0-9_\-]+$", description="name of the sequence in a dataset; default: that of the scene"
     )
+    noise_of: str | None = Field(
+        None,
+        pattern=r"^[A-Za-z0-9_\-]+$",
+        description="drives that state the same name here have the same noise by seed, "
+        "time and sensor; default: that of the sequence, noise of its own",
+    )
     split: Literal["train", "val", "test"] = Field("train", description="split of a dataset that it belongs to")
     lighting: LightingField = Field(None, description="default: that of the scene")
     weather: WeatherField = Field(None, description="default: clear")
@@ -165,7 +171,12 @@ class ScenarioSpec(Spec):
     @property
     def scene_name(self) -> str:
         """Name of the sequence in a dataset."""
-        return self.name or re.sub(r"[^A-Za-z0-9_\-]", "_", Path(self.scene).stem)
+        return self.name or _word(self.scene)
+
+    @property
+    def noise_name(self) -> str:
+        """Name that noise is drawn by, beside the seed: `noise_of`, `name`, that of its file or of the scene."""
+        return self.noise_of or self.name or _word(self.scene if self._origin is None else self._origin.file)
 
     @property
     def folder(self) -> Path | None:
@@ -311,6 +322,11 @@ class ScenarioSpec(Spec):
             raise OutputError(
                 f"cannot write the scenario to {path}: {error.strerror}; choose a writable folder"
             ) from error
+
+
+def _word(file: str) -> str:
+    """Return the name of a file, without folder and suffix, in letters, digits, ``_`` and ``-``."""
+    return re.sub(r"[^A-Za-z0-9_\-]", "_", Path(file).stem)
 
 
 def scenario_names() -> tuple[str, ...]:
