@@ -247,7 +247,9 @@ class RadarFrame(
     cell_power : ndarray of float32, same shape, or None
         Power of all paths in the cell without noise [W]; compare with `RangeDoppler.noise_power`.
     object_power, object_ghost_power : ndarray of float64, shape (num_objects,), or None
-        Power of an object over all cells of that map, direct and by multipath [W], in the order of `Frame.objects`.
+        Power of an object over all cells of that map, direct and by multipath [W], in the order of `Frame.objects`. The
+        cells of two Hann windows overlap: it is 2.25 times the power that one channel receives from the object, in long
+        frames (1.5 = N sum(w^2) / (sum w)^2 of a window over N chirps or samples).
     interference_hit : ndarray of bool, shape (num_chirps_total, num_samples), or None
         Samples with more power of other radars than of thermal noise, mean over the receivers. Only where the settings
         have `interferers`, as the next.

@@ -148,7 +148,7 @@ class Radar:
         size = max(state.world.instances, default=0) + 1
         objects = [item.instance for item in state.boxes()]
         direct, ghost = (
-            np.bincount(labels.entry_instance[rows], power[rows], size)[objects]
+            np.bincount(labels.entry_instance[rows], power[rows], size)[objects].astype(np.float64)  # of none, integers
             for rows in (~labels.entry_is_ghost, labels.entry_is_ghost)
         )
         return {

@@ -11,6 +11,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import semantic_id
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
@@ -22,6 +23,7 @@ from scarl_sionna.radar.labels.labels import label_cells, label_paths, label_poi
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.detection import RadarPoints, detect
@@ -92,6 +94,22 @@ def test_the_spread_agrees_with_the_synthesis_of_each_instance() -> None:
     assert np.sqrt(np.mean((found.share - expected.share)[strong] ** 2)) < 0.05
     clear = strong & (expected.share > 0.8)
     assert clear.sum() > 100 and (found.instance == expected.instance)[clear].all()
+
+
+def test_the_cells_of_hann_windows_sum_to_more_than_what_is_received() -> None:
+    """By Parseval, N sum(w^2) / (sum w)^2 an axis: 1.5 each for long windows, here 1.55 and 1.52."""
+    paths = free_space(SMALL, 1, seed=3)
+    found = label_cells(a_map(paths, SMALL, window="hann"), paths, method="synthesis")
+    received = float(np.mean(np.abs(synthesize(paths, SMALL)) ** 2))
+    assert found.power.sum() / received == pytest.approx(2.25, rel=0.06)
+
+
+def test_the_powers_of_objects_are_floating_point_numbers_also_of_nothing(tmp_path) -> None:
+    path = write_scene(tmp_path, instances=[Thing("wall", plane(4.0, 4.0, (20.0, 0.0, 0.0), (-1, 0, 0)), "Wall")])
+    sensor = Radar(SMALL, RadarSettings(noise=False, method="raycast", raycast={"num_rays": 500}))
+    frame = sensor.observe(load_scene(path).at(0.0), Mount(Pose()), np.random.default_rng(0))
+    assert frame.object_power.dtype == frame.object_ghost_power.dtype == np.float64
+    assert frame.object_power.max() > 0.0 and not frame.object_ghost_power.any()
 
 
 def test_equal_phases_and_opposite_phases_of_one_instance() -> None:

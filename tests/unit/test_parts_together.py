@@ -52,7 +52,12 @@ def test_coded_transmitters_of_any_waveform_see_a_point_as_ideal_ones_do(wavefor
         (ss.SteppedFmcw(num_steps=4, **SMALL), {"multiplexing": "ddm"}, "'ddm' with 'stepped_fmcw'"),
         (ss.Fmcw(chirp_jitter=1e-6, **SMALL), {"multiplexing": "bpm"}, "regular times"),
         (ss.Fmcw(frequency_step=1e6, **SMALL), {"multiplexing": "ddm"}, "one carrier"),
-        (ss.Ofdm(num_chirps=64), {"multiplexing": ss.Tdm(order_seed=1)}, "equal ramps"),
+        (ss.Ofdm(num_chirps=64), {"multiplexing": ss.Tdm(order_seed=1)}, "order_seed = 1 .*beside 'ofdm'.*equal ramps"),
+        (
+            ss.Fmcw(chirp_jitter=1e-6, **SMALL),
+            {"multiplexing": ss.Tdm(order_seed=4)},
+            "order_seed = 4 .*: none beside chirp_jitter: .*; leave order_seed out, or chirp_jitter",
+        ),
         (
             ss.Ofdm(num_chirps=64),
             {"front_end": ss.FrontEnd(chirp_errors=ss.ChirpErrors(start_jitter=1e-9))},

@@ -7,10 +7,12 @@ from scarl_sionna.core.errors import SpecError
 from .array import AntennaArray
 from .converter import Adc
 from .front_end import FrontEnd
-from .multiplexing import Fdm, Multiplexing
+from .multiplexing import Fdm, Multiplexing, Tdm
 from .waveform import Waveform
 from .waveforms.coded import Ofdm
 
+_UNEQUAL = ("chirp_jitter", "chirp_offsets", "frequency_step", "frequency_offsets")
+"""What makes ramps differ from each other."""
 _RAMPS = ("fmcw", "stepped_fmcw", "tones")
 """Waveforms whose ramps can have errors; tones are what a receiver made of some."""
 
@@ -46,9 +48,12 @@ def check_together(
         raise SpecError(model, ("multiplexing",), shown, allowed, "take 'tdm' or 'cdm', or equal chirps")
     if isinstance(multiplexing, Fdm) and waveform.kind != "tones":
         _check_subcarriers(model, waveform, multiplexing.interleaving or num_tx, shown)
-    if multiplexing.is_coded and multiplexing.kind == "tdm" and not ramps:
-        allowed = "equal ramps ('fmcw') for a random order, in which a channel's chirps have any number"
-        raise SpecError(model, ("multiplexing", "order_seed"), shown, allowed, "leave order_seed out")
+    if isinstance(multiplexing, Tdm) and multiplexing.is_coded and not ramps:
+        unequal = [name for name in _UNEQUAL if getattr(waveform, name, None)] if waveform.kind == "fmcw" else []
+        beside = " and ".join(unequal) or repr(waveform.kind)
+        allowed = f"none beside {beside}: a random order, of any number of chirps a channel, is of equal ramps"
+        remedy = f"leave order_seed out{''.join(f', or {name}' for name in unequal)}"
+        raise SpecError(model, ("multiplexing", "order_seed"), str(multiplexing.order_seed), allowed, remedy)
     if front_end.chirp_errors is not None and waveform.kind not in _RAMPS:
         allowed = "ramps without a code, of which these are errors"
         raise SpecError(model, ("front_end", "chirp_errors"), f"with {waveform.kind!r}", allowed, "leave it out")
