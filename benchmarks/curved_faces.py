@@ -1,6 +1,6 @@
 """Error and time of bodies drawn with flat faces, over the angle at which faces count as curved and the fineness.
 
-Run: ``python benchmarks/curved_faces.py``, two minutes on two quiet cores.
+Run: ``python benchmarks/curved_faces.py [uneven]``, two minutes on two quiet cores; `uneven` is of ellipses instead.
 """
 
 from __future__ import annotations
@@ -56,7 +56,37 @@ def second_bounce() -> None:
         print(f"post of 14 sides on a plate, {crease:g} deg: {error.min():+.1f} to {error.max():+.1f} dB")
 
 
+def uneven() -> None:
+    """Print the error of elliptic posts and ellipsoids over the number of their sides, median / largest."""
+    wavenumber = 2.0 * np.pi / LAMBDA
+    phi = np.linspace(0.0, np.pi / 2.0, 73)
+    for a, b in ((0.13, 0.13), (0.15, 0.1), (0.2, 0.1)):
+        exact = wavenumber * (a * b) ** 2 / ((a * np.cos(phi)) ** 2 + (b * np.sin(phi)) ** 2) ** 1.5
+        posts = [trimesh.creation.cylinder(radius=1.0, height=1.0, sections=sides) for sides in (12, 14, 16, 24)]
+        _row(f"post {a:g} x {b:g} m", posts, (a, b, 1.0), (np.full(73, np.pi / 2.0), phi), exact)
+    rng = np.random.default_rng(3)
+    phi, theta = rng.uniform(0.0, 2.0 * np.pi, 60), np.arccos(rng.uniform(-0.5, 0.5, 60))
+    balls = [trimesh.creation.uv_sphere(radius=1.0, count=[sides, sides]) for sides in (12, 14, 16, 24)]
+    balls += [trimesh.creation.icosphere(times) for times in (2, 3)]
+    for size in ((0.15, 0.15, 0.15), (0.25, 0.2, 0.15), (0.5, 0.3, 0.2)):
+        towards = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
+        square = sum((axis * part) ** 2 for axis, part in zip(size, towards, strict=True))
+        _row(f"ellipsoid {size} m", balls, size, (theta, phi), np.pi * np.prod(size) ** 2 / square**2)
+
+
+def _row(name, meshes, size, aspect, exact) -> None:
+    cells = []
+    for mesh in meshes:
+        body = trimesh.Trimesh(mesh.vertices * np.array(size), mesh.faces, process=False)
+        error = np.abs(10.0 * np.log10(rcs(body, FREQUENCY, *aspect) / exact))
+        cells.append(f"{np.median(error):.2f} / {error.max():.2f}")
+    print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+
+
 def main() -> None:
+    if "uneven" in sys.argv[1:]:
+        uneven()
+        return
     print("| body | " + " | ".join(f"{crease:g} deg, {phase:g} rad" for crease, phase in KNOBS) + " |")
     print("|---" * (len(KNOBS) + 1) + "|")
     for name, body, theta, phi, exact in posts():

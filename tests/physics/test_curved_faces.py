@@ -63,6 +63,83 @@ def test_a_sphere_of_few_faces_is_round(ball):
     assert np.abs(level).max() < BAR_DB
 
 
+def elliptic_post(a, b, sections):
+    mesh = post(1.0, sections)
+    mesh.vertices = mesh.vertices * np.array([a, b, 1.0])
+    return mesh
+
+
+def elliptic_level(a, b, phi):
+    """Return k R h^2 [dBsm], with the radius of curvature R where the ellipse has that normal."""
+    return dbsm(2.0 * np.pi / LAMBDA * (a * b) ** 2 / ((a * np.cos(phi)) ** 2 + (b * np.sin(phi)) ** 2) ** 1.5)
+
+
+@pytest.mark.parametrize("sections", [12, 16, 24])
+@pytest.mark.parametrize(("a", "b"), [(0.15, 0.1), (0.2, 0.1)])
+def test_an_elliptic_post_of_few_sides_bends_unevenly(a, b, sections):
+    """From all sides: 17 dB off at worst while faces left gaps of normals, and bends above 35 deg were edges."""
+    phi = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
+    level = dbsm(ss.rcs(elliptic_post(a, b, sections), F77, np.pi / 2.0, phi))
+    assert np.abs(level - elliptic_level(a, b, phi)).max() < BAR_DB
+
+
+@pytest.mark.parametrize(
+    ("mesh", "size"),
+    [
+        (trimesh.creation.uv_sphere(radius=1.0, count=[16, 16]), (0.25, 0.2, 0.15)),
+        (trimesh.creation.uv_sphere(radius=1.0, count=[24, 24]), (0.5, 0.3, 0.2)),
+        (trimesh.creation.icosphere(3), (0.5, 0.3, 0.2)),
+    ],
+    ids=["16 meridians", "24 meridians", "icosphere"],
+)
+def test_an_ellipsoid_of_few_faces(mesh, size):
+    """pi R1 R2 by geometrical optics; up to 5 dB off before."""
+    a, b, c = size
+    rng = np.random.default_rng(0)
+    phi, theta = rng.uniform(0.0, 2.0 * np.pi, 16), np.radians(rng.uniform(60.0, 120.0, 16))
+    square = (a * np.sin(theta) * np.cos(phi)) ** 2 + (b * np.sin(theta) * np.sin(phi)) ** 2 + (c * np.cos(theta)) ** 2
+    ball = trimesh.Trimesh(mesh.vertices * np.array(size), mesh.faces, process=False)
+    assert np.abs(dbsm(ss.rcs(ball, F77, theta, phi) * square**2 / (np.pi * (a * b * c) ** 2))).max() < BAR_DB
+
+
+def test_an_elliptic_post_in_a_scene(tmp_path):
+    """In the near field the post of 12 sides has the echo of one of 96."""
+    levels = []
+    for sections in (12, 96):
+        thing = Thing("post", elliptic_post(0.15, 0.1, sections), "Static", "steel")
+        world = load_scene(write_scene(tmp_path / str(sections), [thing]))
+        level = []
+        for azimuth in np.radians([0.0, 35.0, 60.0, 80.0, 90.0]):
+            away = 5.0 * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+            pose = Pose.from_euler(away, yaw=np.pi + azimuth)
+            paths = ss.solve_paths(world.at(0.0), RadarSpec(), pose, method="sbr", settings=SbrSettings(floor_db=None))
+            length = sum(np.linalg.norm(p - away, axis=1) for p in (paths.tx_point, paths.rx_point))
+            level.append(dbsm(np.abs(np.sum(paths.a[:, 0, 0] * np.exp(-2j * np.pi / LAMBDA * length))) ** 2))
+        levels.append(level)
+    assert np.abs(np.subtract(*levels)).max() < BAR_DB
+
+
+def rounded_bar(sections):
+    """A bar of 0.6 x 0.2 m whose cross section is |x / a|^3 + |y / b|^3 = 1: flat sides, sharply rounded corners."""
+    mesh = post(1.0, sections)
+    x, y, z = np.where(np.abs(mesh.vertices) < 1e-9, 0.0, mesh.vertices).T
+    across = [size * np.sign(v) * np.abs(v) ** (2.0 / 3.0) for size, v in ((0.3, x), (0.1, y))]
+    mesh.vertices = np.stack([*across, z], axis=1)
+    return mesh
+
+
+def test_curvature_that_changes_too_much_from_face_to_face_is_told(tmp_path):
+    with pytest.warns(ScarlWarning, match=r"16 of 80 faces .* right to some 0\.7 dB"):
+        ss.rcs(rounded_bar(20), F77, np.pi / 2.0, 0.0)
+    state = load_scene(write_scene(tmp_path, [Thing("bar", rounded_bar(20), "Static", "steel")])).at(0.0)
+    with pytest.warns(ScarlWarning, match=r"'bar' \(16 faces, whose echo is right to some 0\.7 dB\)"):
+        ss.solve_paths(state, RadarSpec(), Pose.from_euler([5.0, 0.0, 0.0], yaw=np.pi), method="sbr")
+    for even in (elliptic_post(0.2, 0.1, 12), post(0.13, 12)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", ScarlWarning)
+            ss.rcs(even, F77, np.pi / 2.0, 0.0)
+
+
 def uneven_ball():
     """A ball of 0.15 m with faces as uneven as a simplified mesh has them."""
     points = np.random.default_rng(1).normal(size=(600, 3))
@@ -76,7 +153,7 @@ def uneven_ball():
 
 def test_a_ball_of_uneven_faces_is_round_where_its_material_is():
     """pi a^2 times the reflectance: uneven faces bend too irregularly to count as a curve, unless the material says
-    that its bodies have no flat faces, however it is given. Flat ones are 6 dB and more off.
+    that its bodies have no flat faces, however it is given. What is left flat is 3 dB and more off.
     """
     ball, table = uneven_ball(), builtin_materials()
     theta, phi = np.linspace(0.4, 2.7, 8), np.linspace(0.1, 6.0, 8)
@@ -93,10 +170,10 @@ def test_a_ball_of_uneven_faces_is_round_where_its_material_is():
     assert level(ball, material=skin) < BAR_DB
     assert level(ball, material="clothed_skin") < BAR_DB
     assert level(ball, material="coat", materials=own) < BAR_DB
-    assert level(ball, material="clothed_skin", materials=own) > 6.0
-    assert level([(ball, skin.with_(rounded=False))]) > 6.0
+    assert level(ball, material="clothed_skin", materials=own) > 3.0
+    assert level([(ball, skin.with_(rounded=False))]) > 3.0
     body = load_body(ball)  # one body keeps the surfaces of both
-    assert level(body, material=skin.with_(rounded=False)) > 6.0 and level(body, material=skin) < BAR_DB
+    assert level(body, material=skin.with_(rounded=False)) > 3.0 and level(body, material=skin) < BAR_DB
 
 
 def test_a_ball_of_uneven_faces_is_round_in_calibrations_and_centres(tmp_path):
@@ -133,7 +210,7 @@ def test_riders_and_people_have_no_flat_clothes():
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     worn = np.isin(body.part, [k for k, one in enumerate(body.materials) if one.name == "clothed_skin"])
     flat = worn & ~body.curved.is_curved
-    assert area[flat].sum() < 0.1 * area[worn].sum() and area[flat].max() < 10e-4
+    assert area[flat].sum() < 0.1 * area[worn].sum() and area[flat].max() < 20e-4
 
 
 @pytest.mark.parametrize(

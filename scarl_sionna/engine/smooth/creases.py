@@ -16,6 +16,8 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from .vertex_normals import settled_normals
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
@@ -24,6 +26,11 @@ SAME_VERTEX = 1e-6
 """Vertices this near to each other, in sizes of the mesh, are one."""
 FLAT = np.radians(0.05)
 """Bends below this [rad] are none."""
+TIGHT = 1.75
+"""The bend of a curve that is drawn with bends below the crease angle may go on up to so many times that angle: where
+an ellipse of 14 sides, half as wide as long, is most curved, it has 49 deg."""
+PAIR = 0.25
+"""Faces are halves of a quadrilateral where the diagonal bends by less than this part of the largest bend."""
 ALIKE = 2.5
 """The next bend is at most so many times as large, or as small."""
 WIDTHS = 3.0
@@ -57,7 +64,7 @@ class Edges:
     bend: Array
     is_diagonal: Mask
 
-    def take(self, rows: Mask) -> Edges:
+    def take(self, rows: Mask | Index) -> Edges:
         """Return some of the edges."""
         return Edges(self.face[rows], self.corner[rows], self.bend[rows], self.is_diagonal[rows])
 
@@ -72,10 +79,13 @@ class Curved:
         Faces that stand for a curved surface.
     normal : ndarray of float64, shape (num_faces, 3, 3)
         Unit normals at their corners; those of the face itself where it is flat.
+    joined : Edges
+        Those over which the surface goes on.
     """
 
     faces: Mask
     normal: Array
+    joined: Edges
 
 
 def joined_vertices(corners: Array) -> Index:
@@ -126,8 +136,12 @@ def curved_surface(corners: Array, crease_angle: float, wider: float, rounded: b
 
     Notes
     -----
-    Normals at vertices are weighted as by Max, exact where the vertices around one lie on a sphere, and on a prism of
-    equal sides. Where a curve runs into a flat face it takes that face's normal there.
+    Normals at vertices are weighted as by Max, exact where the vertices around one lie on a sphere, or on a circular
+    cylinder, and then moved so that curvature goes on from edge to edge (:mod:`.vertex_normals`). Where a curve runs
+    into a flat face it takes that face's normal there.
+
+    A curve of uneven bends has some beyond the crease angle where it is most curved: those count as well, where the
+    bend goes on on both sides of them, and the curve reaches them from bends below that angle.
 
     References
     ----------
@@ -135,13 +149,20 @@ def curved_surface(corners: Array, crease_angle: float, wider: float, rounded: b
     """
     normal, weighted = _normals(corners)
     edges = _edges(joined_vertices(corners), normal, corners)
-    soft = edges.take(np.abs(edges.bend) < crease_angle)
-    smooth = np.abs(soft.bend) > FLAT if rounded else _smooth(soft, corners, normal, weighted)
+    bend = np.abs(edges.bend)
+    is_soft = bend < crease_angle
+    drawn = np.zeros(len(bend), dtype=np.bool_)
+    if rounded:
+        drawn[is_soft & (bend > FLAT)] = True
+    else:
+        drawn[is_soft] = _smooth(edges.take(is_soft), corners, normal, weighted)[0]
+        tight = _reached(edges, is_soft, drawn, TIGHT * crease_angle, (corners, normal, weighted))
+        is_soft[tight] = drawn[tight] = True
     other = np.zeros(len(corners), dtype=np.bool_)
-    if not rounded and len(soft.bend) < np.count_nonzero(np.abs(edges.bend) < wider):
-        softer = edges.take(np.abs(edges.bend) < wider)
-        other[softer.face[_smooth(softer, corners, normal, weighted)]] = True
-    return _with_normals(soft, smooth, normal, weighted, crease_angle), other
+    if not rounded and np.any(~is_soft & (bend < wider)):
+        softer = edges.take(is_soft | (bend < wider))
+        other[softer.face[_smooth(softer, corners, normal, weighted)[0]]] = True
+    return _with_normals(corners, edges.take(is_soft), drawn[is_soft], (normal, weighted), crease_angle), other
 
 
 def sheet_sizes(corners: Array) -> Array:
@@ -169,11 +190,15 @@ def sheet_sizes(corners: Array) -> Array:
     return np.asarray(2.0 * farthest[sheet])
 
 
-def _with_normals(soft: Edges, smooth: Mask, normal: Array, weighted: Array, crease_angle: float) -> Curved:
-    """Return the faces at smooth edges, and the normals at corners."""
+def _with_normals(
+    corners: Array, soft: Edges, smooth: Mask, normals: tuple[Array, Array], crease_angle: float
+) -> Curved:
+    """Return the faces at smooth edges, and the normals at corners; `normals` are those of :func:`_normals`."""
+    normal, weighted = normals
     count = len(normal)
     if not smooth.any():
-        return Curved(np.zeros(count, dtype=np.bool_), np.repeat(normal[:, None], 3, axis=1))
+        none = np.zeros(count, dtype=np.bool_)
+        return Curved(none, np.repeat(normal[:, None], 3, axis=1), soft.take(smooth))
     largest = np.zeros(count)
     np.maximum.at(largest, soft.face[smooth], np.abs(soft.bend[smooth, None]))
     pair = soft.is_diagonal & (np.abs(soft.bend)[:, None] <= 0.5 * largest[soft.face]).any(axis=1)
@@ -184,10 +209,14 @@ def _with_normals(soft: Edges, smooth: Mask, normal: Array, weighted: Array, cre
     link = smooth | (sides.all(axis=1) & slight.any(axis=1))
     group = _groups(soft.take(link), count)
     result = _mean_normal(group, weighted)
-    _run_into_flat_faces(result, group, soft, sides & slight, normal)
-    found = result[group]
-    pointed = np.einsum("nij,nj->ni", found, normal) < np.cos(crease_angle)  # the tip of a cone has no normal
-    return Curved(curved, np.where((curved[:, None] & ~pointed)[:, :, None], found, normal[:, None]))
+    held = _run_into_flat_faces(result, group, soft, sides, sides & slight, normal)
+    pointed = _pointed(result, group, normal, crease_angle)  # the tip of a cone has no normal
+    settled = settled_normals(corners[curved], group[curved], result, held)
+    worse = group[_pointed(settled, group, normal, crease_angle) & ~pointed]
+    settled[worse] = result[worse]
+    found = settled[group]
+    kept = np.where((curved[:, None] & ~pointed)[:, :, None], found, normal[:, None])
+    return Curved(curved, kept, soft.take(link))
 
 
 def _normals(corners: Array) -> tuple[Array, Array]:
@@ -236,26 +265,62 @@ def _mean_normal(group: Index, weighted: Array) -> Array:
     return np.divide(total, length, out=np.zeros_like(total), where=length > 0.0)
 
 
-def _smooth(soft: Edges, corners: Array, normal: Array, weighted: Array) -> Mask:
-    """Return the edges whose bend goes on, on both sides, and those that end such a row of bends."""
+def _reached(edges: Edges, is_soft: Mask, drawn: Mask, largest: float, mesh: tuple[Array, Array, Array]) -> Index:
+    """Return the edges of more bend than soft ones that a curve reaches, from one to the next.
+
+    Their bend is below `largest` [rad] and goes on on both sides. `drawn` (n,) are the edges where the curve is
+    already; both halves of a quadrilateral count as one face. `mesh` are corners, and normals as of :func:`_normals`.
+    """
+    rows = np.flatnonzero(is_soft | (np.abs(edges.bend) < largest))
+    if len(rows) == np.count_nonzero(is_soft) or not drawn.any():
+        return rows[:0]
+    some = edges.take(rows)
+    goes_on = _smooth(some, *mesh)[1] & ~is_soft[rows]
+    slight = np.abs(some.bend) <= PAIR * np.abs(some.bend).max()
+    joined = some.face[some.is_diagonal & slight]
+    graph = coo_array((np.ones(len(joined), dtype=np.bool_), tuple(joined.T)), shape=(len(mesh[0]),) * 2)
+    panel = connected_components(graph, directed=False)[1][some.face]
+    on_curve = np.zeros(len(mesh[0]), dtype=np.bool_)
+    on_curve[panel[drawn[rows]]] = True
+    reached = np.zeros(len(rows), dtype=np.bool_)
+    while np.any(more := goes_on & ~reached & on_curve[panel].any(axis=1)):
+        reached |= more
+        on_curve[panel[more]] = True
+    return np.asarray(rows[reached])
+
+
+def _smooth(soft: Edges, corners: Array, normal: Array, weighted: Array) -> tuple[Mask, Mask]:
+    """Return the edges whose bend goes on, on both sides, or that end such a row of bends; and only the former.
+
+    Over a surface that bends along an edge as well, or is twisted there, two triangles are turned to each other by more
+    or less than strips across the edge would be: what the normals at its ends say of both is taken off.
+    """
     if not np.any(np.abs(soft.bend) > FLAT):
-        return np.zeros(len(soft.bend), dtype=np.bool_)
+        return np.zeros(len(soft.bend), dtype=np.bool_), np.zeros(len(soft.bend), dtype=np.bool_)
     group = _groups(soft, len(corners))
     vertex_normal = _mean_normal(group, weighted)
-    tilt, width = np.empty((len(soft.bend), 2)), np.empty((len(soft.bend), 2))
+    tilt, width, arch = (np.empty((len(soft.bend), 2)) for _ in range(3))
+    twist = np.zeros(len(soft.bend))
     for side in range(2):
         face, corner = soft.face[:, side], soft.corner[:, side]
-        far = (corner + 2) % 3
-        along = corners[face, (corner + 1) % 3] - corners[face, corner]
+        onto, far = (corner + 1) % 3, (corner + 2) % 3
+        stop, away = (corners[face, k] - corners[face, corner] for k in (onto, far))
+        length = np.linalg.norm(stop, axis=1)
+        along = stop / length[:, None]
         inward = np.cross(normal[face], along)
-        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-        width[:, side] = np.einsum("ij,ij->i", corners[face, far] - corners[face, corner], inward)
+        width[:, side] = np.einsum("ij,ij->i", away, inward)
         tilt[:, side] = np.arcsin(np.clip(np.einsum("ij,ij->i", vertex_normal[group[face, far]], inward), -1.0, 1.0))
+        turn = vertex_normal[group[face, onto]] - vertex_normal[group[face, corner]]
+        place = np.einsum("ij,ij->i", away, along)
+        # by how much the face leans less than a strip across the edge, since the surface bends along the edge as well
+        arch[:, side] = np.einsum("ij,ij->i", turn, along) / length * place * (length - place) / width[:, side]
+        twist -= np.einsum("ij,ij->i", turn, inward) * (place / length - 0.5)
     bends = np.abs(soft.bend) > FLAT
     # over a curve of equal steps the normal beyond a face is turned by half of the bend before it
-    onward = 2.0 * tilt * np.where(bends, np.sign(soft.bend), 1.0)[:, None]
-    size = np.abs(soft.bend)[:, None]
-    goes_on = bends[:, None] & (onward * ALIKE >= size) & (onward <= ALIKE * size)
+    sign = np.where(bends, np.sign(soft.bend), 1.0)[:, None]
+    onward = sign * (2.0 * tilt - arch)
+    size = sign * (soft.bend + 0.5 * arch.sum(axis=1) + twist)[:, None]
+    goes_on = bends[:, None] & (size > 0.0) & (onward * ALIKE >= size) & (onward <= ALIKE * size)
     ratio = width.max(axis=1) / width.min(axis=1)
     core = goes_on.all(axis=1) & (ratio <= WIDTHS)
     at_core = np.zeros(int(group.max()) + 1, dtype=np.bool_)
@@ -264,17 +329,23 @@ def _smooth(soft: Edges, corners: Array, normal: Array, weighted: Array) -> Mask
     beyond = at_core[group[soft.face, (soft.corner + 2) % 3]]
     before = np.where(goes_on & beyond, onward, 0.0)  # on the side of the curve
     last = (before > 0.0) & (size >= END_BEND * before) & (ratio <= END_WIDTHS)[:, None]
-    return core | last.any(axis=1)
+    return core | last.any(axis=1), core
 
 
-def _run_into_flat_faces(result: Array, group: Index, soft: Edges, tangent: Mask, normal: Array) -> None:
-    """Give groups of curved faces' corners the normals of the flat faces beside them, in place.
+def _pointed(vertex_normal: Array, group: Index, normal: Array, crease_angle: float) -> Mask:
+    """Return the corners, shape (num_faces, 3), where the surface is turned too far from the face."""
+    return np.asarray(np.einsum("nij,nj->ni", vertex_normal[group], normal) < np.cos(crease_angle))
 
-    `tangent` (n, 2) says on which side of an edge the curved face is; both where both are.
+
+def _run_into_flat_faces(result: Array, group: Index, soft: Edges, sides: Mask, tangent: Mask, normal: Array) -> Mask:
+    """Give groups of curved faces' corners the normals of the flat faces beside them, in place; return which.
+
+    `sides` (n, 2) says on which sides of an edge the face is curved, `tangent` (n, 2) on which of them the edge bends
+    no more than that face does elsewhere.
     """
     total, touched = np.zeros_like(result), np.zeros(len(result), dtype=np.bool_)
     for side in range(2):
-        rows = np.flatnonzero(tangent[:, side] & ~tangent[:, 1 - side])
+        rows = np.flatnonzero(tangent[:, side] & ~sides[:, 1 - side])
         face, corner = soft.face[rows, side], soft.corner[rows, side]
         for k in range(2):
             at = group[face, (corner + k) % 3]
@@ -283,3 +354,4 @@ def _run_into_flat_faces(result: Array, group: Index, soft: Edges, tangent: Mask
     length = np.linalg.norm(total, axis=1, keepdims=True)
     usable = touched & (length[:, 0] > 0.5)
     result[usable] = total[usable] / length[usable]
+    return usable

@@ -88,7 +88,7 @@ class Bodies:
             warnings.warn(text, ScarlWarning, stacklevel=5)
 
     @cached_property
-    def _table(self) -> tuple[FaceTable, CurvedFaces | None, dict[int, int]]:
+    def _table(self) -> tuple[FaceTable, CurvedFaces | None, dict[int, int], dict[int, tuple[int, float]]]:
         return _faces(self.state, self.knobs, self.radar.center_frequency, list(self.instances))
 
     @property
@@ -100,6 +100,11 @@ class Bodies:
     def coarse(self) -> dict[int, int]:
         """Number of coarse faces of the instances that mostly consist of them."""
         return self._table[2]
+
+    @property
+    def uneven(self) -> dict[int, tuple[int, float]]:
+        """Number of uneven faces of the instances that have many, and their expected error [dB]."""
+        return self._table[3]
 
     @cached_property
     def scatters(self) -> Mask:
@@ -203,21 +208,23 @@ def _narrow(state: WorldState, parts: Index) -> NarrowBodies:
 
 def _faces(
     state: WorldState, knobs: SbrSettings, frequency: float, chosen: list[int]
-) -> tuple[FaceTable, CurvedFaces | None, dict[int, int]]:
+) -> tuple[FaceTable, CurvedFaces | None, dict[int, int], dict[int, tuple[int, float]]]:
     """Return the triangles of a state, and those that stand for a curved surface, each in a plane of its own.
 
-    The last result is the number of coarse faces of the instances that mostly consist of them.
+    The last two are the number of coarse faces of the instances that mostly consist of them, and the number and the
+    expected error [dB] of the uneven ones.
     """
     faces = face_table(state)
     if knobs.crease_angle_deg == 0.0:
-        return faces, None, {}
+        return faces, None, {}, {}
     parts = np.flatnonzero(np.isin(state.world.parts.instance, chosen))
     surface = state_surface(state, float(np.radians(knobs.crease_angle_deg)), parts)
     wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
     curved = CurvedFaces.of(surface, faces.triangles, wavenumber, knobs.surface_phase)
-    coarse = {}
-    for number in np.unique(state.world.parts.instance[faces.part[surface.coarse]]).tolist():
-        own = np.flatnonzero(state.world.parts.instance[faces.part] == number)
+    coarse, instance = {}, state.world.parts.instance[faces.part]
+    for number in np.unique(instance[surface.coarse]).tolist():
+        own = np.flatnonzero(instance == number)
         if surface.take(own).coarse_share(faces.triangles.corners[own]) > MOSTLY_COARSE:
             coarse[number] = int(surface.coarse[own].sum())
-    return faces if curved is None else replace(faces, plane=curved.apart(faces.plane)), curved, coarse
+    uneven = surface.uneven(faces.triangles.corners, instance.astype(np.int64))
+    return faces if curved is None else replace(faces, plane=curved.apart(faces.plane)), curved, coarse, uneven

@@ -34,6 +34,7 @@ from scarl_sionna.radar.paths import RadarPaths, bend_of
 
 from .bodies import Bodies
 from .cost import Work, affordable, check_memory, with_knobs
+from .curve_warnings import warn_of_curves
 from .diffuse import rough_pieces, scattered_rows
 from .edge_rows import with_edges
 from .rows import CHANGES, OF_SMOOTH, Columns, above_floor, in_order, joined, received
@@ -376,7 +377,7 @@ class _Solve:
             "num_patches": len(columns["length"]),
         }
         if tx.window is None and rx.window is None:  # of what the radar itself sees
-            _warn_of_coarse_faces(bodies, columns)
+            warn_of_curves(bodies, columns)
             _warn_of_grazing(bodies, columns["cosine"], amplitude**2)
         columns, diagnostics["floor"] = above_floor(columns, amplitude, bodies.radar, knobs.floor_db)
         columns = in_order(columns)
@@ -441,20 +442,6 @@ def _warn_of_bodies(bodies: Bodies, origin: Array, found: RadarPaths) -> None:
             "to 6 dB too strong where they overlap; move one by 0.1 mm, or leave it out with instances=",
             ScarlWarning,
             stacklevel=4,
-        )
-
-
-def _warn_of_coarse_faces(bodies: Bodies, columns: Columns) -> None:
-    """Warn once of bodies in view that are drawn with too few faces for a curve."""
-    seen = {number: count for number, count in bodies.coarse.items() if np.any(columns["instance"] == number)}
-    if seen:
-        worst = max(seen, key=lambda number: seen[number])
-        bodies.warn_once(
-            "coarse faces",
-            f"{len(seen)} instance(s) in view consist of faces that bend by more than "
-            f"{bodies.knobs.crease_angle_deg:g} deg from one to the next, such as "
-            f"'{bodies.state.world.instances[worst].name}' ({seen[worst]} faces): they scatter as flat ones. If the "
-            "body is round, draw it with 11 sides or more, or raise crease_angle_deg",
         )
 
 

@@ -87,7 +87,8 @@ class Body:
         Warns
         -----
         ScarlWarning
-            Once for a body, if most of its faces may have been meant as a curve but bend by more than the crease angle.
+            Once for a body, if most of its faces may have been meant as a curve but bend by more than the crease angle,
+            or if the curvature of many changes too much from one to the next.
         """
         crease = float(np.radians(settings.crease_angle_deg))
         if crease == 0.0 or self.curved is not None:
@@ -101,6 +102,15 @@ class Body:
                     f"{int(surface.coarse.sum())} of {len(self.part)} faces of the mesh bend by more than "
                     f"{settings.crease_angle_deg:g} deg from one to the next and scatter as flat ones; if the body is "
                     "round, draw it with 11 sides or more, or raise crease_angle_deg",
+                    ScarlWarning,
+                    stacklevel=4,
+                )
+            whole = np.zeros(len(self.part), dtype=np.int64)
+            for count, error in (surface.uneven(self.triangles.corners, whole) if surface else {}).values():
+                warnings.warn(
+                    f"{count} of {len(self.part)} faces of the mesh stand for a curve whose curvature changes more "
+                    f"than 2.7 times from one to the next: their echo is right to some {error:.1f} dB; draw it with "
+                    "more sides",
                     ScarlWarning,
                     stacklevel=4,
                 )

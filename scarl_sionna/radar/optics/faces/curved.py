@@ -34,6 +34,8 @@ CENTROID = 0.75
 """Mean over a triangle of a quadratic that is zero at its corners, as a part of its value at the centroid."""
 ALIGNED = 0.9
 """Length of the sum of a face's lifts, as a part of the sum of their lengths, from which they point to one side."""
+THIRD = 9.0 / 8.0
+"""Height of a parabola in the middle of its chord, in that at a third of it."""
 MOST_SHOWN = 1.25
 """A part of a curved face counts for at most so many times its flat area: more than the 1 / cos^2 by which it can turn
 to the mirror direction where the phase is stationary, which only grazing faces exceed."""
@@ -53,13 +55,15 @@ class CurvedFaces:
         Corner 0 [m].
     gradient : ndarray of float64, shape (num_curved, 2, 3)
         Of the barycentric coordinates of corners 1 and 2 [1/m].
-    lift : ndarray of float64, shape (num_curved, 3, 3)
+    lift, slant : ndarray of float64, shape (num_curved, 3, 3)
+    middle : ndarray of float64, shape (num_curved, 3)
+        See :class:`~scarl_sionna.engine.smooth.surface.Surface` [m].
     length : ndarray of float64, shape (num_curved, 3)
         Of the lifts; zeros where they point to different sides [m].
     height, rounding : ndarray of float64, shape (num_curved,)
         See :class:`~scarl_sionna.engine.smooth.surface.Surface` [m].
     largest : float
-        The phase departs from a linear one by less than this at half of the sides of a part [rad].
+        The phase departs from a linear one by less than this over the sides of a part [rad].
     """
 
     is_curved: Mask
@@ -67,6 +71,8 @@ class CurvedFaces:
     origin: Array
     gradient: Array
     lift: Array
+    slant: Array
+    middle: Array
     length: Array
     height: Array
     rounding: Array
@@ -85,11 +91,12 @@ class CurvedFaces:
         aa, ab, bb = (np.einsum("ij,ij->i", *pair)[:, None] for pair in ((one, one), (one, two), (two, two)))
         gradient = np.stack([bb * one - ab * two, aa * two - ab * one], axis=1) / (aa * bb - ab**2)[:, None]
         row = np.cumsum(is_curved) - 1
-        lift, height, rounding = (a[is_curved] for a in (surface.lift, surface.height, surface.rounding))
-        length = np.sqrt(np.einsum("nij,nij->ni", lift, lift))
-        total = np.sqrt(np.einsum("ni,ni->n", lift.sum(axis=1), lift.sum(axis=1)))
+        own = surface.take(np.flatnonzero(is_curved))
+        length = np.sqrt(np.einsum("nij,nij->ni", own.lift, own.lift))
+        total = np.sqrt(np.einsum("ni,ni->n", own.lift.sum(axis=1), own.lift.sum(axis=1)))
         length[total < ALIGNED * length.sum(axis=1)] = 0.0
-        return cls(is_curved, row, corners[:, 0], gradient, lift, length, height, rounding, largest)
+        shape = own.lift, own.slant, own.middle, length, own.height, own.rounding
+        return cls(is_curved, row, corners[:, 0], gradient, *shape, largest)
 
     def apart(self, plane: Index) -> Index:
         """Return numbers of planes in which every curved face has one of its own."""
@@ -107,12 +114,15 @@ class CurvedFaces:
         )[..., None]
         first = 1.0 - second - third
         weight = np.clip(4.0 * np.stack([first * second, second * third, third * first]), -1.0, 1.0)
+        towards = np.clip(np.stack([first - second, second - third, third - first]), -1.0, 1.0)
         lift = (weight * np.moveaxis(self.lift[row], 1, 0)[:, :, None]).sum(axis=0)
         length = np.sqrt(np.einsum("nki,nki->nk", lift, lift))
         spread = np.einsum("enk,ne->nk", weight[..., 0], self.length[row]) - length
         factor = 1.0 + np.maximum(spread, 0.0) / np.maximum(length, 1e-300)
         factor *= 1.0 + self.rounding[row, None] * (1.0 - length / self.height[row, None])
-        return np.asarray(points + lift * factor[..., None])
+        uneven = (0.25 * weight * towards * np.moveaxis(self.slant[row], 1, 0)[:, :, None]).sum(axis=0)
+        uneven += np.clip(27.0 * first * second * third, -1.0, 1.0) * self.middle[row][:, None]
+        return np.asarray(points + lift * factor[..., None] + uneven)
 
     def plane_wave_integral(self, face: Index, corners: Array, wave_vector: Array, normal: Array) -> Complex:
         """Return the integral of exp(j q . r) over footprints, shape (n,) [m2], those on flat faces among them.
@@ -170,10 +180,9 @@ def parts_of(curved: CurvedFaces, face: Index, corners: Array, difference: Array
         Unit normals on the lit side.
     """
     row = curved.row[face]
-    middle = 0.5 * (corners + np.roll(corners, -1, axis=1))
     real = curved.on_surface(row, corners)
-    stands = curved.on_surface(row, middle) - 0.5 * (real + np.roll(real, -1, axis=1))
-    phase = np.abs(np.einsum("nij,nj->ni", stands, difference)).max(axis=1)
+    stands = curved.on_surface(row, _between(corners)) - _between(real)
+    phase = THIRD * np.abs(np.einsum("nij,nj->ni", stands, difference)).max(axis=1)
     cuts = np.maximum(np.ceil(np.sqrt(phase / curved.largest)), 1.0).astype(np.int64)
     towards = np.einsum("ij,ij->i", difference, normal)
     size = np.linalg.norm(difference, axis=1)
@@ -197,6 +206,11 @@ def parts_of(curved: CurvedFaces, face: Index, corners: Array, difference: Array
     if len(found) == 1:
         return found[0]
     return Parts(*(np.concatenate([getattr(one, name) for one in found]) for name in vars(found[0])))
+
+
+def _between(corners: Array) -> Array:
+    """Return the points at a third of the sides of triangles: at the middle an S stands off by nothing."""
+    return (2.0 * corners + np.roll(corners, -1, axis=1)) / 3.0
 
 
 @cache
@@ -224,6 +238,7 @@ class DeviceCurves:
         self._on = on
         self._row = on.index(np.maximum(curved.row, 0))
         columns = [curved.origin, *np.moveaxis(curved.gradient, 1, 0), *np.moveaxis(curved.lift, 1, 0)]
+        columns += [*np.moveaxis(curved.slant, 1, 0), curved.middle]
         self._vectors = [on.reals(column) for column in columns]
         self._largest = on.real(curved.largest)
         self._reals = [on.reals(a) for a in (*curved.length.T, curved.height, curved.rounding)]
@@ -287,10 +302,10 @@ class DeviceCurves:
         for k in range(3):
             one, two = corner[k], corner[(k + 1) % 3]
             square = dr.maximum(square, dr.squared_norm(two - one))
-            over = surface(0.5 * (one + two)) - 0.5 * (surface(one) + surface(two))
+            over = surface((2.0 * one + two) / 3.0) - (2.0 * surface(one) + surface(two)) / 3.0
             stands = dr.maximum(stands, dr.abs(dr.dot(over, axis)))
         parts = wavenumber * square * (1.0 / out + 1.0 / home) / 8.0 / flat_phase
-        parts = dr.maximum(parts, wavenumber * stands / self._largest)
+        parts = dr.maximum(parts, THIRD * wavenumber * stands / self._largest)
         cuts = dr.maximum(dr.ceil(dr.sqrt(parts)), 1.0)
         most = 0.5 * MOST_SHOWN * dr.norm(across) / cuts**2
         return over_parts(self._on, corner, cuts, of_part)
@@ -299,7 +314,8 @@ class DeviceCurves:
         """Return the function from points of faces to the points of the surface for which they stand."""
         dr, on = self._on.dr, self._on
         row = dr.gather(on.mi.UInt32, self._row, face)
-        origin, one, two, *lift = (dr.gather(on.Vector, column, row) for column in self._vectors)
+        origin, one, two, *rest = (dr.gather(on.Vector, column, row) for column in self._vectors)
+        lift, slant, middle = rest[:3], rest[3:6], rest[6]
         a, b, c, height, rounding = (dr.gather(on.Real, column, row) for column in self._reals)
 
         def on_surface(point: DeviceArray) -> DeviceArray:
@@ -312,6 +328,9 @@ class DeviceCurves:
             size = dr.norm(away)
             spread = dr.maximum(weight[0] * a + weight[1] * b + weight[2] * c - size, 0.0)
             factor = (1.0 + spread / dr.maximum(size, 1e-300)) * (1.0 + rounding * (1.0 - size / height))
-            return point + factor * away
+            uneven = dr.clip(27.0 * first * second * third, -1.0, 1.0) * middle
+            for k, towards in enumerate((first - second, second - third, third - first)):
+                uneven += 0.25 * weight[k] * dr.clip(towards, -1.0, 1.0) * slant[k]
+            return point + factor * away + uneven
 
         return on_surface
