@@ -187,6 +187,11 @@ def fraunhofer_distance(radar: RadarSpec) -> float:
     return float(2.0 * (extent @ extent) / radar.wavelength)
 
 
+PLANE_FROM = 64.0
+"""Fraunhofer distances from which on phasors are those of plane waves. At one of them a plane wave leaves -19 dB of a
+point before a line of antennas, which looks like two points beside it, at so many of them -55 dB."""
+
+
 def near_steering(radar: RadarSpec, unit_vectors: npt.ArrayLike, distance: npt.ArrayLike) -> npt.NDArray[np.complex128]:
     """Return the beat phasors of every channel for points at some distance, by spherical waves where that matters.
 
@@ -196,8 +201,8 @@ def near_steering(radar: RadarSpec, unit_vectors: npt.ArrayLike, distance: npt.A
     unit_vectors : array_like, shape (..., 3)
         Directions of the points in the radar's frame.
     distance : array_like, shape (...)
-        Of the points from the radar's origin [m]: below :func:`fraunhofer_distance` the lengths to every antenna are
-        exact, beyond it this is :func:`steering`.
+        Of the points from the radar's origin [m]: below `PLANE_FROM` times :func:`fraunhofer_distance` the lengths to
+        every antenna are exact, beyond it this is :func:`steering`.
 
     Returns
     -------
@@ -207,7 +212,7 @@ def near_steering(radar: RadarSpec, unit_vectors: npt.ArrayLike, distance: npt.A
     unit = np.asarray(unit_vectors, dtype=np.float64)
     out = steering(radar, unit)
     distance = np.broadcast_to(np.asarray(distance, dtype=np.float64), unit.shape[:-1])
-    near = distance < fraunhofer_distance(radar)
+    near = distance < PLANE_FROM * fraunhofer_distance(radar)
     if near.any():
         away = distance[near][:, None]
         point = unit[near] * away

@@ -153,6 +153,17 @@ def test_a_strong_point_is_found_at_a_rate_of_1e_300() -> None:
         detect(rda, pfa=1e-310)
 
 
+@pytest.mark.parametrize("distance", [7.0, 8.0, 16.0])
+def test_one_point_beyond_the_fraunhofer_distance_of_a_long_line_is_one_point(distance: float) -> None:
+    """It ends at 7.7 m; plane waves left two more points, 18 dB below and 1.2 deg beside the true one."""
+    places = tuple((0.0, 0.5 * RADAR.wavelength * (k - 31.5), 0.0) for k in range(64))
+    line = RADAR.with_(tx_positions=((0.0, 0.0, 0.0),), rx_positions=places)
+    paths = point_targets([[distance, 0.0, 0.0]], [np.zeros(3)], 10.0, line, Pose())
+    cube = virtual_cube(synthesize(paths, line, rng=np.random.default_rng(0)), line)
+    points = detect(range_doppler_angle(cube, line))
+    assert points.num_points == 1 and points.azimuth[0] == pytest.approx(0.0, abs=1e-3)
+
+
 def test_no_direction_at_all_is_refused() -> None:
     with pytest.raises(ParameterRangeError, match="most_directions"):
         detect(noise_map(RADAR), most_directions=0)

@@ -88,8 +88,8 @@ def detect(
     The threshold is over the power summed over channels (:func:`cfar`), with `per_beam` over that of each beam, too
     (:func:`~scarl_sionna.signal.detection.beams.beams_above`): then a target beside a stronger one in another direction
     is found, and of the directions of a cell those stay that are within half a beamwidth of such a beam. The direction
-    of a cell is the maximum of the beamformer (of spherical waves for what is closer than the Fraunhofer distance of
-    the array); where more than noise is left, matching pursuit finds further ones
+    of a cell is the maximum of the beamformer (of spherical waves; of plane ones, for the search on the grid, from the
+    Fraunhofer distance of the array on); where more than noise is left, matching pursuit finds further ones
     (:func:`~scarl_sionna.signal.direction.several.pursue`), and each is a point of its own, unless it turns out more
     than 30 dB under the strongest of its cell. A target on the flank of a stronger one, up to two bins beside it, has
     no maximum of that sum: with `peaks_only` and more than one direction it is looked for in what the stronger one's
