@@ -139,7 +139,7 @@ class Bodies:
     @cached_property
     def widths(self) -> Array:
         """Width of the flat region to which each face belongs [m], shape (num_faces,)."""
-        return flat_widths(self.faces)
+        return _widths(self.state, self.faces)
 
     @cached_property
     def _mirror_widths(self) -> Array:
@@ -204,6 +204,25 @@ def _narrow(state: WorldState, parts: Index) -> NarrowBodies:
             balls = known[part] = NarrowBodies.of_mesh(state.part_corners(part))
         found.append((balls, state.part_pose(part)))
     return NarrowBodies.of_parts(found)
+
+
+_flat: WeakKeyDictionary[World, tuple[Index, Array]] = WeakKeyDictionary()
+"""Plane of each face, and the width of its flat region [m]."""
+
+
+def _widths(state: WorldState, faces: FaceTable) -> Array:
+    """Return the widths of flat regions; those of parts that do not bend are found once for a world.
+
+    By the world's own corners, so that they are the same numbers in whatever state they are asked for first. Faces of
+    parts that bend have a plane each.
+    """
+    known = _flat.get(state.world)
+    if known is None or not np.array_equal(known[0], faces.plane):
+        known = _flat[state.world] = faces.plane, flat_widths(state.world._triangles.corners, faces.plane)
+    bent = np.flatnonzero(np.isin(faces.part, list(state._bent)))
+    found = known[1].copy()
+    found[bent] = flat_widths(faces.triangles.corners[bent], faces.plane[bent])
+    return found
 
 
 def _faces(

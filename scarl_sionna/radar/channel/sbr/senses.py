@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.arrays.rows import row_norm
-from scarl_sionna.engine.rays.face_planes import FaceTable
 
 Array = npt.NDArray[np.float64]
 Columns = dict[str, npt.NDArray[Any]]
@@ -48,13 +47,19 @@ ROUGH_KINDS = Kind.ROUGH, Kind.ROUGH_REVERSED, Kind.ROUGH_SAME_WAY
 """Those with a random phase."""
 
 
-def flat_widths(faces: FaceTable) -> Array:
+def flat_widths(corners: Array, plane: npt.NDArray[np.int64]) -> Array:
     """Return the width of the flat region to which each face belongs, shape (num_faces,) [m].
 
-    Its area over its largest extent: the narrow side of a rectangle. Faces that stand for a curve have a plane each.
+    Its area over its largest extent: the narrow side of a rectangle.
+
+    Parameters
+    ----------
+    corners : ndarray of float64, shape (num_faces, 3, 3)
+        [m].
+    plane : ndarray of int64, shape (num_faces,)
+        One number for a region; faces that stand for a curve have a plane each.
     """
-    _, group = np.unique(faces.plane, return_inverse=True)
-    corners = faces.triangles.corners
+    _, group = np.unique(plane, return_inverse=True)
     side = corners[:, 1:] - corners[:, :1]
     area = np.bincount(group, row_norm(np.cross(side[:, 0], side[:, 1])) / 2.0)
     count = np.bincount(group).astype(np.float64)
