@@ -58,6 +58,8 @@ def run_on_cluster(
     with ExitStack() as stack:
         if scheduler is None:
             count = min(workers, len(jobs))
+            if count < workers:
+                warnings.warn(_idle_text(jobs, workers), ScarlWarning, stacklevel=2)
             client = stack.enter_context(_local_client(distributed, count))
             threads: int | None = max(usable_cores() // count, 1)
         else:
@@ -68,6 +70,16 @@ def run_on_cluster(
                 warnings.warn(text, ScarlWarning, stacklevel=2)
         client.subscribe_topic(TOPIC, lambda event: on_event("frame", event[1]))
         yield from _reports(distributed, client, jobs, threads)
+
+
+def _idle_text(jobs: list[ShardJob], workers: int) -> str:
+    """Return what is said of workers that have nothing to do."""
+    text = f"only {len(jobs)} of {workers} workers can work at once: shards to make: {len(jobs)}"
+    if max(len(job.scene.shard_range(job.shard, job.options)) for job in jobs) == 1:
+        return text
+    return (
+        f"{text}; a dataset of fewer frames a shard (--shard-frames, now {jobs[0].options.shard_frames}) gives all some"
+    )
 
 
 def _reports(
