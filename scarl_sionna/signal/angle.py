@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.prompt.describe import Described, Row, array_text, short
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -27,6 +28,14 @@ Array = npt.NDArray[np.float64]
 
 POSITION_TOLERANCE = 1e-3
 """Virtual elements nearer than this part of a wavelength count as one place of a uniform line."""
+
+PER_BEAMWIDTH = 4
+"""Directions a beamwidth, at least, where their number is left out."""
+
+LARGEST_MAP = 2 * 2**30
+"""Bytes that a map may have for the number of elevations to be chosen above the least."""
+
+LEAST_ELEVATIONS = 11
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -153,6 +162,19 @@ def has_elevation(radar: RadarSpec) -> bool:
     return bool(np.ptp(virtual_positions(radar)[:, 2]) > POSITION_TOLERANCE * radar.wavelength)
 
 
+def beamwidths(radar: RadarSpec) -> Array:
+    """Return the beamwidths over azimuth and elevation as sines, shape (2,).
+
+    The wavelength over the virtual array's extent along y and z, with half a wavelength for the elements at its ends.
+
+    References
+    ----------
+    .. [1] H. L. Van Trees, *Optimum Array Processing*, 2002, chapter 2.
+    """
+    extent = np.ptp(virtual_positions(radar)[:, 1:], axis=0)
+    return np.asarray(radar.wavelength / (extent + radar.wavelength / 2.0))
+
+
 def directions(azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
     """Return unit vectors (..., 3) of the radar frame towards azimuth and elevation [rad], broadcast.
 
@@ -237,7 +259,7 @@ def range_doppler_angle(
     num_range_bins: int | None = None,
     num_doppler_bins: int | None = None,
     num_azimuth: int | None = None,
-    num_elevation: int = 11,
+    num_elevation: int | None = None,
     compensate_motion: bool = True,
 ) -> RangeDopplerAngle:
     """Return power over Doppler, range, azimuth and, where the array has a vertical extent, elevation.
@@ -254,9 +276,9 @@ def range_doppler_angle(
         Over the elements of a uniform line; ``"rect"`` if left out. Other arrays are not tapered.
     num_azimuth : int, optional
         Directions, uniform in the sine of azimuth; left out: a power of two, at least four a beamwidth.
-    num_elevation : int
+    num_elevation : int, optional
         Directions over twice the radar's elevation field of view, uniform in the sine; used with a vertical extent
-        only.
+        only. Left out: an odd number, at least 11 and four a beamwidth, as far as the map has no more than 2 GiB.
 
     Returns
     -------
@@ -266,6 +288,12 @@ def range_doppler_angle(
     ------
     ParameterRangeError
         If the shape is not the radar's, or a number of directions is too small.
+
+    Warns
+    -----
+    ScarlWarning
+        If 2 GiB leave fewer than two elevations a beamwidth: maxima between them are too low. :func:`detect` looks for
+        directions on a grid of its own then.
 
     Notes
     -----
@@ -293,7 +321,11 @@ def range_doppler_angle(
     else:
         weights = np.full(radar.num_virtual, 1.0 / radar.num_virtual)
         azimuth = np.arcsin((2.0 * np.arange(num_azimuth) + 1.0) / num_azimuth - 1.0)
-        elevation = _elevations(radar, num_elevation) if has_elevation(radar) else None
+        elevation = None
+        if has_elevation(radar):
+            if num_elevation is None:
+                num_elevation = _default_elevations(radar, 4 * rd.data[0].size * num_azimuth)
+            elevation = _elevations(radar, num_elevation)
         data = _beamform(
             rd, directions(*np.meshgrid(azimuth, [0.0] if elevation is None else elevation, indexing="ij"))
         )
@@ -312,17 +344,40 @@ def range_doppler_angle(
 
 def _default_azimuths(radar: RadarSpec) -> int:
     """Return a power of two with at least four directions a beamwidth."""
-    extent = np.ptp(virtual_positions(radar)[:, 1]) + radar.wavelength / 2.0
-    beams = max(2.0 * extent / radar.wavelength, 4.0)
-    return int(2 ** np.ceil(np.log2(4.0 * beams)))
+    beams = max(2.0 / beamwidths(radar)[0], 4.0)
+    return int(2 ** np.ceil(np.log2(PER_BEAMWIDTH * beams)))
+
+
+def _default_elevations(radar: RadarSpec, size: int) -> int:
+    """Return an odd number with at least four directions a beamwidth, or as many as go into the largest map.
+
+    `size` is that of the map of one elevation in bytes.
+    """
+    beams = 2.0 * _highest(radar) / beamwidths(radar)[1]
+    wanted = max(2 * int(np.ceil(PER_BEAMWIDTH * beams / 2.0)) + 1, LEAST_ELEVATIONS)
+    count = max(min(wanted, LARGEST_MAP // size), LEAST_ELEVATIONS)
+    count -= 1 - count % 2
+    if (count - 1) / beams < 2.0:
+        warnings.warn(
+            f"{count} elevations, {(count - 1) / beams:.2g} a beamwidth: with four the map would have"
+            f" {wanted * size / 2**30:.3g} GiB. Maxima of the map between them are too low; give num_elevation, or"
+            " fewer azimuths or a smaller elevation_fov_deg",
+            ScarlWarning,
+            stacklevel=3,
+        )
+    return count
+
+
+def _highest(radar: RadarSpec) -> float:
+    """Return the sine of the largest elevation of maps."""
+    return float(np.sin(np.radians(min(radar.elevation_fov_deg, 89.0))))
 
 
 def _elevations(radar: RadarSpec, count: int) -> Array:
     """Return elevations over twice the field of view, uniform in their sine [rad]."""
     if count < 3:
         raise ParameterRangeError("num_elevation", count, ">= 3")
-    limit = np.sin(np.radians(min(radar.elevation_fov_deg, 89.0)))
-    return np.arcsin(np.linspace(-limit, limit, count))
+    return np.arcsin(np.linspace(-_highest(radar), _highest(radar), count))
 
 
 def _line_spectrum(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.signal.angle import RangeDopplerAngle, has_elevation, range_doppler_angle
@@ -78,6 +78,34 @@ def test_elevations_cover_twice_the_view_and_stop_short_of_the_zenith(view_deg: 
     assert elevation is not None and elevation[3] == pytest.approx(0.0, abs=1e-12)
     assert np.degrees(elevation[[0, -1]]) == pytest.approx([-last_deg, last_deg])
     np.testing.assert_allclose(np.diff(np.sin(elevation)), np.sin(np.radians(last_deg)) / 3.0)
+
+
+@pytest.mark.parametrize("view_deg", [10.0, 30.0, 100.0])
+@pytest.mark.parametrize("elements", [2, 8, 33])
+def test_elevations_are_at_least_four_a_beamwidth(elements: int, view_deg: float) -> None:
+    """Elements half a wavelength apart: their beam is 2 / elements wide in the sine."""
+    spacing = 0.5 * LINE.wavelength
+    place = tuple((0.0, 0.0, spacing * number) for number in range(elements))
+    radar = LINE.with_(tx_positions=(place[0],), rx_positions=place, elevation_fov_deg=view_deg)
+    elevation = range_doppler_angle(random_cube(radar), radar).elevation
+    assert elevation is not None and len(elevation) % 2
+    assert np.degrees(elevation[-1]) == pytest.approx(min(view_deg, 89.0))
+    a_beamwidth = 2.0 / elements / np.diff(np.sin(elevation)).max()
+    assert a_beamwidth > 4.0 - 1e-9 and (len(elevation) == 11 or a_beamwidth < 4.0 * 1.15)
+
+
+def test_elevations_end_where_the_map_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The default of a map is bounded; few directions a beamwidth are told."""
+    place = tuple((0.0, 0.0, 0.5 * LINE.wavelength * number) for number in range(33))
+    radar = LINE.with_(tx_positions=(place[0],), rx_positions=place)
+    cube = random_cube(radar)
+    one = range_doppler_angle(cube, radar).data[..., 0].nbytes
+    monkeypatch.setattr("scarl_sionna.signal.angle.LARGEST_MAP", 40 * one)
+    assert range_doppler_angle(cube, radar).data.shape[3] == 39
+    monkeypatch.setattr("scarl_sionna.signal.angle.LARGEST_MAP", 20 * one)
+    with pytest.warns(ScarlWarning, match="19 elevations, 1.1 a beamwidth"):
+        assert range_doppler_angle(cube, radar).data.shape[3] == 19
+    assert range_doppler_angle(cube, radar, num_elevation=67).data.shape[3] == 67
 
 
 def test_too_few_directions_are_refused() -> None:

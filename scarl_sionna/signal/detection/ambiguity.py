@@ -72,7 +72,7 @@ def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
     tried = np.arange(-(count // 2), (count - 1) // 2 + 1)
     cells = replace(cells, num_intervals=count)
     others = [replace(cells, fold=np.full(len(cells.row), fold)).wrapped() for fold in tried]
-    power = np.stack([manifold.spectrum(other.snapshot, other.distance).max(axis=1) for other in others])
+    power = np.stack([manifold.peak(other.snapshot, other.distance)[1] for other in others])
     best, seen = power.argmax(axis=0), power[count // 2]
     top = power.max(axis=0)
     fold = np.where(is_clear(top, seen, noise_power), tried[best], 0)

@@ -116,6 +116,8 @@ class Beams:
         Of the beam's peak from the cell over Doppler and range [bins].
     first : ndarray of int, shape (num_cells,)
         The first beam of every cell.
+    step : ndarray of float64, shape (2,)
+        Of the map's sines; 0 where the array has no extent.
     """
 
     row: Index
@@ -123,6 +125,7 @@ class Beams:
     sines: Array
     offset: tuple[Array, Array]
     first: Index
+    step: Array
 
     @classmethod
     def of(cls, rda: RangeDopplerAngle, found: npt.NDArray[np.bool_], axes: tuple[int, ...]) -> Beams:
@@ -132,12 +135,13 @@ class Beams:
         cell = index[0] * rda.data.shape[1] + index[1]
         order = np.lexsort((-power, cell))
         index = tuple(axis[order] for axis in index)
-        sines = np.zeros((len(order), 2))
+        sines, step = np.zeros((len(order), 2)), np.zeros(2)
         for axis, values in enumerate((rda.azimuth, rda.elevation)):
             if values is not None and axis in axes:
                 sines[:, axis] = np.sin(values)[index[2 + axis]]
+                step[axis] = np.ptp(np.sin(values[:2]))
         first = np.flatnonzero(np.diff(cell[order], prepend=-1))
-        return cls(index[0], index[1], sines, peak_offsets(rda.channels, rda.data, index), first)
+        return cls(index[0], index[1], sines, peak_offsets(rda.channels, rda.data, index), first, step)
 
     def cells(self, rd: RangeDoppler) -> Cells:
         """Return the cells, with the offsets of the strongest beam of each."""
@@ -162,7 +166,7 @@ class Beams:
 
         Near enough is half a beamwidth, or a step of the map's angles.
         """
-        reach = np.maximum(_REACH * resolution(manifold), manifold.step)
+        reach = np.maximum(_REACH * resolution(manifold), self.step)
         last = np.append(self.first[1:], len(self.row))
         best, least = self.first[cell].copy(), np.full(len(cell), np.inf)
         for step in range(int((last - self.first).max(initial=0))):

@@ -216,7 +216,7 @@ class SlowTime:
     def power(self, samples: Complex, doppler: Array, distance: float) -> Array:
         """Return the power of the strongest beam at Doppler frequencies [Hz], shape (n,) [W]."""
         values = self.beam_values(samples, doppler)
-        return np.asarray(self.manifold.spectrum(values, np.full(len(doppler), distance)).max(axis=1))
+        return self.manifold.peak(values, np.full(len(doppler), distance))[1]
 
     def hypotheses(self, samples: Complex, doppler: float, distance: float) -> tuple[npt.NDArray[np.int64], Array]:
         """Return the intervals that a Doppler frequency [Hz] may be off, and the power of each [W]; both (n,)."""

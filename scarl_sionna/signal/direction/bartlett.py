@@ -19,12 +19,14 @@ def bartlett_sines(manifold: Manifold, snapshot: Phasors, distance: Array, count
     ----------
     .. [1] M. S. Bartlett, "Periodogram analysis and continuous spectra", Biometrika 37(1/2), 1950.
     """
-    power = manifold.spectrum(snapshot, distance).reshape(len(snapshot), *manifold.shape)
-    peak = power == scipy.ndimage.maximum_filter(power, size=(1, 3, 3), mode="nearest")
-    height = np.where(peak, power, -1.0).reshape(len(snapshot), -1)
-    order = np.argsort(-height, axis=1, kind="stable")[:, :count]
-    order = np.where(np.take_along_axis(height, order, axis=1) >= 0.0, order, order[:, :1])
-    sines = manifold.sines[order]
+    sines = np.zeros((len(snapshot), min(count, len(manifold.sines)), 2))
+    for block in manifold.blocks(len(snapshot)):
+        power = manifold.spectrum(snapshot[block], distance[block]).reshape(-1, *manifold.shape)
+        peak = power == scipy.ndimage.maximum_filter(power, size=(1, 3, 3), mode="nearest")
+        height = np.where(peak, power, -1.0).reshape(len(power), -1)
+        order = np.argsort(-height, axis=1, kind="stable")[:, :count]
+        order = np.where(np.take_along_axis(height, order, axis=1) >= 0.0, order, order[:, :1])
+        sines[block] = manifold.sines[order]
     for index in range(sines.shape[1]):
         sines[:, index] = manifold.refine(snapshot, sines[:, index], distance)
     return np.asarray(sines)
