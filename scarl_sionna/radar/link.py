@@ -9,7 +9,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.signal.antenna import field_gain
 
-from .pair_fields import PairFields
+from .pair_fields import PairFields, strongest
 from .paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
@@ -52,6 +52,34 @@ def received_amplitude(
     gain = gain * (gain if alike else field_gain(heard.pattern, rx_vector))
     entry = "VH".index(heard.polarization), "VH".index(sent.polarization)
     return np.asarray(a[:, entry[0], entry[1]] * (gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm))))
+
+
+def strongest_amplitude(
+    a: Complex, tx_vector: Array, rx_vector: Array, radar: RadarSpec, free: tuple[bool, bool]
+) -> Array:
+    """Return the largest amplitude that one antenna pair can receive by each path, where mirrors turn polarisations.
+
+    Parameters
+    ----------
+    a, tx_vector, rx_vector, radar
+        As for :func:`received_amplitude`.
+    free : tuple of two bools
+        Whether the polarisation that the transmitter sends and the receiver hears may be any, see
+        :func:`.pair_fields.strongest`; else it is the radar's.
+
+    Returns
+    -------
+    ndarray of float64, shape (num_paths,)
+        [sqrt(W)].
+    """
+    array = radar.array
+    if not array.is_uniform:
+        return PairFields.of(a, tx_vector, rx_vector, radar).largest(free)
+    gain = field_gain(array.pattern, tx_vector)
+    gain = gain * (gain if rx_vector is tx_vector else field_gain(array.pattern, rx_vector))
+    one = np.eye(2)["VH".index(array.polarization)]
+    fields = np.broadcast_to(one, (len(a), 2))
+    return np.asarray(strongest(a, fields, fields, free) * (gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm))))
 
 
 def path_amplitude(paths: RadarPaths, radar: RadarSpec) -> Complex:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,15 +81,63 @@ class PairFields:
 
     def root_mean_square(self) -> Complex:
         """Return the root of the mean power of all pairs [sqrt(W)], shape (num_paths,), real."""
+        return np.asarray(self._mean(lambda tx, rx: np.abs(self.pair(tx, rx))), dtype=np.complex128)
+
+    def largest(self, free: tuple[bool, bool]) -> Array:
+        """Return the root of the mean over all pairs of :func:`strongest` without `slopes` [sqrt(W)], (num_paths,)."""
+        return self._mean(lambda tx, rx: self.scale * strongest(self.a, self.tx[tx], self.rx[rx], free))
+
+    def _mean(self, heard_by: Callable[[int, int], Array]) -> Array:
         power = np.zeros(len(self.a))
         known: dict[tuple[int, int], Array] = {}
         for tx, sent in enumerate(self.tx):
             for rx, heard in enumerate(self.rx):
                 key = id(sent), id(heard)
                 if key not in known:
-                    known[key] = np.abs(self.pair(tx, rx)) ** 2
+                    known[key] = heard_by(tx, rx) ** 2
                 power += known[key]
-        return np.sqrt(power / (len(self.tx) * len(self.rx))) + 0j
+        return np.asarray(np.sqrt(power / (len(self.tx) * len(self.rx))))
+
+
+def strongest(a: Complex, sent: Complex | Array, heard: Complex | Array, free: tuple[bool, bool]) -> Array:
+    r"""Return the largest amplitude that antennas can receive whose polarisation is free at some ends.
+
+    Parameters
+    ----------
+    a : ndarray of complex128, shape (num_paths, 2, 2)
+    sent, heard : ndarray of float64 or complex128, shape (num_paths, 2)
+        Far fields.
+    free : tuple of two bools
+        Whether the field sent, and the one heard, may be any of the same size.
+
+    Returns
+    -------
+    ndarray of float64, shape (num_paths,)
+
+    Notes
+    -----
+    .. math:: |h^T A s|,\quad |h|\,\|A s\|,\quad |s|\,\|A^T h\|,\quad |h|\,|s|\,\sigma_{max}(A)
+
+    with none of them free, h, s, and both.
+
+    References
+    ----------
+    .. [1] G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th ed., 2013, section 2.4.
+    """
+    if all(free):
+        squares = np.sum(np.abs(a) ** 2, axis=(1, 2))
+        determinant = np.abs(a[:, 0, 0] * a[:, 1, 1] - a[:, 0, 1] * a[:, 1, 0])
+        largest = np.sqrt(0.5 * (squares + np.sqrt(np.maximum(squares**2 - 4.0 * determinant**2, 0.0))))
+        return np.asarray(largest * _size(sent) * _size(heard))
+    if free[1]:
+        return np.asarray(_size(np.einsum("pij,pj->pi", a, sent)) * _size(heard))
+    if free[0]:
+        return np.asarray(_size(np.einsum("pi,pij->pj", heard, a)) * _size(sent))
+    return np.abs(np.einsum("pi,pij,pj->p", heard, a, sent))
+
+
+def _size(field: Complex | Array) -> Array:
+    return np.asarray(np.linalg.norm(field, axis=-1))
 
 
 def _of_antennas(elements: Sequence[AntennaElement], arms: Array, vector: Array) -> list[Complex]:

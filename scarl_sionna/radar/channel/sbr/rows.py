@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.link import received_amplitude
+from scarl_sionna.radar.link import strongest_amplitude
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
-from scarl_sionna.signal.antenna import spherical_basis
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
 Array = npt.NDArray[np.float64]
@@ -75,29 +74,15 @@ def in_order(columns: Columns) -> Columns:
 
 
 def received(columns: Columns, radar: RadarSpec, tx: Viewpoint, rx: Viewpoint) -> Array:
-    """Return the amplitude that one antenna pair receives [sqrt(W)], images by what their mirrors make of the antennas.
+    """Return the amplitude that one antenna pair receives [sqrt(W)], shape (n,); of images the largest that it may be.
 
-    What mirrors lose is not taken off.
+    An image's antennas look along its own axes. Its mirrors have yet to come: they reflect the parts of a field across
+    and in the plane of incidence unlike each other and turn a polarisation that is neither, so that any counts which
+    the antennas may hear behind them. What mirrors lose is not taken off.
     """
-    a = columns["a"]
-    (sent, of_tx), (heard, of_rx) = _about(tx, columns["tx_point"]), _about(rx, columns["rx_point"])
-    if of_tx is not None:
-        a = np.einsum("nij,nkj->nik", a, of_tx)
-    if of_rx is not None:
-        a = np.einsum("nij,njk->nik", of_rx, a)
-    return np.abs(received_amplitude(a, sent, heard, radar))
-
-
-def _about(station: Viewpoint, point: Array) -> tuple[Array, Array | None]:
-    """Return vectors to points about a station's antennas, and from polarisations about its pose to those about them.
-
-    The second is None where both are the same, (n, 2, 2) of an image.
-    """
-    away, frame, axes = point - station.pose.position, station.pose.rotation, station.axes
-    if axes is None:
-        return away @ frame, None
-    own = away @ axes
-    return own, np.einsum("nij,nkj->nik", spherical_basis(own), spherical_basis(away @ frame) @ (frame.T @ axes))
+    away = ((columns[f"{end}_point"] - one.pose.position, one) for end, one in (("tx", tx), ("rx", rx)))
+    sent, heard = (way @ (one.pose.rotation if one.axes is None else one.axes) for way, one in away)
+    return strongest_amplitude(columns["a"], sent, heard, radar, (tx.axes is not None, rx.axes is not None))
 
 
 def above_floor(
