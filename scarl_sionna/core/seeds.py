@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 
 import numpy as np
+import numpy.typing as npt
 
 from .errors import ParameterRangeError
 
@@ -34,3 +35,23 @@ def generator(seed: int, purpose: str, **names: int | str) -> np.random.Generato
     label = "|".join([purpose, *(f"{key}={names[key]!r}" for key in sorted(names))])
     digest = hashlib.sha256(f"{int(seed)}|{label}".encode()).digest()
     return np.random.Generator(np.random.PCG64(np.frombuffer(digest, dtype=np.uint32)))
+
+
+def uniform_hash(keys: npt.NDArray[np.int64], seed: int) -> npt.NDArray[np.float64]:
+    """Return numbers that look independent and uniform over [0, 1), one for each row of keys.
+
+    References
+    ----------
+    .. [1] G. L. Steele, D. Lea, C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014 (the
+           finalizer of SplitMix64).
+    """
+    state = np.full(len(keys), seed, dtype=np.uint64)
+    for column in keys.T:
+        state = _mixed((state ^ column.astype(np.uint64)) + np.uint64(0x9E3779B97F4A7C15))
+    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53
+
+
+def _mixed(word: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))

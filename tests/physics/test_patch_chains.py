@@ -9,6 +9,7 @@ import pytest
 
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.seeds import uniform_hash
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -20,6 +21,7 @@ from scarl_sionna.radar.optics.faces.panes import MOST_PANES
 from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
+from scarl_sionna.scene.materials.depolarization import rough_matrix
 from scarl_sionna.scene.materials.fresnel import reflection
 from scarl_sionna.scene.materials.rough import height_loss
 from tests.kernels import kernels
@@ -102,7 +104,7 @@ def plain(bodies: Bodies, tubes: ImageTubes) -> dict[str, np.ndarray]:
             [(direction @ z) * outward - np.hypot(direction @ x, direction @ y) * z, np.cos(phi) * y - np.sin(phi) * x]
         )
 
-    for corner, chain, images in zip(tubes.corners, tubes.face, tubes.image, strict=True):
+    for corner, chain, images, origin in zip(tubes.corners, tubes.face, tubes.image, tubes.origin, strict=True):
         normal, offset, part = faces.triangles.normal[chain], faces.triangles.offset[chain], faces.part[chain]
         center, receiver = corner.mean(axis=0), RX.pose.position
         points = [center]
@@ -138,7 +140,8 @@ def plain(bodies: Bodies, tubes: ImageTubes) -> dict[str, np.ndarray]:
         out, home = np.linalg.norm(center - images[-1]), np.linalg.norm(receiver - center)
         sent = cosine * abs(n @ back) * albedo(material, cosine, abs(n @ back))
         level = np.sqrt(sent / np.pi) / (2.0 * WAVENUMBER * out * home)
-        turn = np.array([[np.sqrt(1.0 - cross), -np.sqrt(cross)], [np.sqrt(cross), np.sqrt(1.0 - cross)]])
+        drawn = uniform_hash(np.array([[origin, *chain, 1]]), 0)
+        turn = rough_matrix(*(np.full(1, np.sqrt(share)) for share in (1.0 - cross, 1.0 - cross, cross)), drawn)[0]
         rows.append(
             {
                 "tx_point": seen,

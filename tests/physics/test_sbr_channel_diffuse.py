@@ -10,12 +10,12 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.seeds import uniform_hash
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.sbr.diffuse import uniform_hash
 from tests.scenes import Material, Thing, plane, write_scene
 
 RADAR = RadarSpec(elevation_fov_deg=120.0)

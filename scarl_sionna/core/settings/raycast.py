@@ -42,7 +42,7 @@ class RaycastSettings(Spec):
         "rough",
         description="'rough': each hit stands for many unresolved scatterers and gets a fixed random phase; "
         "'geometric': only the phase of its distance, as in the paper; hits at exactly the same distance then add in "
-        "phase",
+        "phase, but for the cross-polar part of the ground, which is random in either case",
     )
     hits_per_cell: int | None = Field(
         8,

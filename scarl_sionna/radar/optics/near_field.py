@@ -10,9 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.seeds import uniform_hash
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.threads import many_threads
 from scarl_sionna.engine.types import DeviceArray
+from scarl_sionna.scene.materials.depolarization import turns
 
 from .faces.curved import DeviceCurves
 from .faces.oblique import STEADY, Ends, edge_terms, is_oblique, steady_slope
@@ -48,6 +50,8 @@ class NearField:
     arm : float
         Distance of the outermost antenna from the centre of an array so wide that antennas have transfers of their own
         [m]; 0: all have that of the centre.
+    seed : int
+        Of the cross-polar phases of rough patches.
     """
 
     rays: StateRays
@@ -60,6 +64,7 @@ class NearField:
     duration: float = 0.0
     max_turn: float | None = None
     arm: float = 0.0
+    seed: int = 0
 
     def kinds(self, tubes: ImageTubes) -> list[tuple[bool, ImageTubes]]:
         """Return the patches on flat faces, and those on curved ones, each with whether they are."""
@@ -131,7 +136,8 @@ def radiated(
               f_s = \frac{\cos\theta_s}{\pi}
 
     for the area A, with Lambert's pattern and the albedo of :func:`.rough.directional_albedo`, and K of it is
-    cross-polar.
+    cross-polar; the matrix is that of :func:`.depolarization.rough_matrix`, along theta-hat and phi-hat of the
+    direction of arrival.
 
     References
     ----------
@@ -308,11 +314,15 @@ def _radiated(
     if oblique is not None:
         columns["oblique"] = oblique
     incidence = dr.abs(dr.dot(normal, arriving))
-    strayed, *turn = surfaces.scattered(face, incidence, columns["cosine"])
+    strayed, *shares = surfaces.scattered(face, incidence, columns["cosine"])
     cosines = incidence * columns["cosine"] / np.pi
     level = 0.5 / wavenumber / (out * home) * kept_out * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
     basis = _spherical_basis(rays, tx.axes, arriving)
-    columns |= _scattered(on, basis, field, level, turn, field if same_way else None)
+    drawn = uniform_hash(np.column_stack([tubes.origin, tubes.face, np.ones(count, np.int64)]), near.seed)
+    sign, phasor = turns(drawn)
+    random = rays.vectors(np.stack([sign, phasor.real, phasor.imag], axis=1))
+    matrix = _rough_matrix(shares, random)
+    columns |= _scattered(on, basis, field, level, matrix, field if same_way else None)
     with many_threads(count):
         dr.eval(*columns.values())
     found = {name: rays.on_host(column) for name, column in columns.items()}
@@ -413,26 +423,36 @@ def _matrices(found: dict[str, npt.NDArray[Any]], real: str, imaginary: str) -> 
     return (parts[0] + 1j * parts[1]).reshape(-1, 2, 2)
 
 
+def _rough_matrix(shares: list[DeviceArray], random: DeviceArray) -> list[list[tuple[DeviceArray, DeviceArray]]]:
+    """Return :func:`.depolarization.rough_matrix` on the device.
+
+    `shares` are those of :meth:`.FaceSurfaces.scattered`, `random` the numbers of :func:`.depolarization.turns`.
+    """
+    in_phase, opposite, across = shares
+    crossed = across * random.y, across * random.z
+    return [[(in_phase, opposite * random.x), crossed], [crossed, (in_phase, -opposite * random.x)]]
+
+
 def _scattered(
     on: OnDevice,
     basis: tuple[DeviceArray, DeviceArray],
     field: Field,
     level: DeviceArray,
-    turn: list[DeviceArray],
+    matrix: list[list[tuple[DeviceArray, DeviceArray]]],
     heard: Field | None,
 ) -> dict[str, DeviceArray]:
-    """Return the entries of the transfer by diffuse scattering of 1 m2; the polarisation is turned as in Sionna RT.
+    """Return the entries of the transfer by diffuse scattering of 1 m2, whose `matrix` is along the basis.
 
     `heard` are the fields here of what the receiver would send; it is along the basis if left out.
     """
     sent = [on.component(axis, field) for axis in basis]
     back = None if heard is None else [on.component(axis, heard) for axis in basis]
     found: dict[str, DeviceArray] = {}
-    for t, ((re, im), (other_re, other_im)) in enumerate(zip(*sent, strict=True)):
-        strayed = [
-            (turn[0] * re - turn[1] * other_re, turn[0] * im - turn[1] * other_im),
-            (turn[1] * re + turn[0] * other_re, turn[1] * im + turn[0] * other_im),
-        ]
+    for t, pair in enumerate(zip(*sent, strict=True)):
+        strayed = []
+        for row in matrix:
+            (re, im), (other_re, other_im) = (on.times(one, [part])[0] for one, part in zip(row, pair, strict=True))
+            strayed.append((re + other_re, im + other_im))
         for r, entry in enumerate(strayed):
             if back is not None:
                 along = [on.times(back[axis][r], [strayed[axis]])[0] for axis in range(2)]

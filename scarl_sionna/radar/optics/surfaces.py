@@ -20,6 +20,7 @@ from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import FaceRays
 from scarl_sionna.engine.rays.moving_faces import MovingFaces
 from scarl_sionna.engine.types import DeviceArray
+from scarl_sionna.scene.materials.depolarization import quadrature
 from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection
 from scarl_sionna.scene.materials.rough import (
     coherent_transmission,
@@ -184,7 +185,10 @@ class FaceSurfaces:
         layer = np.array([material.volume_albedo or 0.0 for material in self.materials])
         albedo = np.where(layer > 0.0, layer, surface)
         crossed = np.array([material.xpd_coefficient for material in self.materials])
-        rough = np.stack([kept, surface, layer, np.sqrt(1.0 - crossed), np.sqrt(crossed)], axis=1)
+        alike, across = np.sqrt(1.0 - crossed), np.sqrt(crossed)
+        opposite = quadrature(alike, alike, across)
+        in_phase = np.sqrt(np.maximum(alike**2 - opposite**2, 0.0))
+        rough = np.stack([kept, surface, layer, in_phase, opposite, across], axis=1)
         self._rough = rays.reals(rough)
         of_part = np.array([names.index(name) if name in names else 0 for name in table.material], dtype=np.uint32)
         scatters = np.array([name in names and albedo[names.index(name)] > 0.0 for name in table.material])
@@ -223,11 +227,11 @@ class FaceSurfaces:
 
     def scattered(
         self, face: DeviceArray, arriving: DeviceArray, leaving: DeviceArray
-    ) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
-        """Return sqrt(rho), sqrt(1 - K) and sqrt(K).
+    ) -> tuple[DeviceArray, DeviceArray, DeviceArray, DeviceArray]:
+        """Return sqrt(rho), and what of the field is co-polar in phase, opposite in V and H, and cross-polar.
 
-        rho is the albedo between two directions of given cosines (:func:`.rough.directional_albedo`), K the
-        cross-polarisation coefficient.
+        rho is the albedo between two directions of given cosines (:func:`.rough.directional_albedo`); the others by
+        :func:`.depolarization.rough_matrix` for the cross-polarisation coefficient.
         """
         dr = self._rays.dr
         layer = self._of_material(face, 2)
@@ -235,10 +239,10 @@ class FaceSurfaces:
         albedo = dr.select(layer > 0.0, deep, self._of_material(face, 1))
         material = self._material(face)
         albedo *= dr.minimum(*(self._part.at(material, cosine)[0] for cosine in (arriving, leaving)))
-        return dr.sqrt(albedo), self._of_material(face, 3), self._of_material(face, 4)
+        return dr.sqrt(albedo), *(self._of_material(face, column) for column in (3, 4, 5))
 
     def _of_material(self, face: DeviceArray, column: int) -> DeviceArray:
-        return self._rays.dr.gather(self._rays.Real, self._rough, 5 * self._material(face) + column)
+        return self._rays.dr.gather(self._rays.Real, self._rough, 6 * self._material(face) + column)
 
 
 def _pairs(columns: tuple[DeviceArray, ...]) -> tuple[DeviceArray, DeviceArray]:

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.seeds import uniform_hash
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.paths.tracing import DIFFUSE, NONE, REFRACTION, SPECULAR, TracedPaths, engine_scattering
 from scarl_sionna.engine.twins import ENGINE_THICKNESS, RADIO_FREQUENCY
 from scarl_sionna.radar.paths import bend_of
 from scarl_sionna.radar.tuned import material_frequency
+from scarl_sionna.scene.materials.depolarization import rough_matrix
 from scarl_sionna.scene.materials.fresnel import power_reflectance
 from scarl_sionna.scene.materials.rough import coherent_share, directional_albedo
 
@@ -71,6 +73,9 @@ def diffuse_columns(
     to_rx = _turned(rx.rotation, -arrive)
     cosines = [np.abs(np.einsum("pdi,pdi->pd", way, normal)) for way in (travel[:, :-1], travel[:, 1:])]
     own = _by_albedo(state, traced.a[rows], kind, part, cosines, material_frequency(radar))
+    single = np.count_nonzero(kind != NONE, axis=1) == 1
+    if single.any():
+        own[single] = _rough(state, own[single], part[single, 0], point[single, 0])
     a = np.einsum("pri,pij,ptj->prt", to_rx, own, to_tx) * (radar.wavelength * RADIO_FREQUENCY / SPEED_OF_LIGHT)
     out, home = tx_point - tx.position, rx_point - rx.position
     total = np.linalg.norm(out, axis=1) + inner + np.linalg.norm(home, axis=1)
@@ -135,6 +140,23 @@ def _by_albedo(
     mean = columns.mean(axis=2, keepdims=True)
     result[single] *= np.sqrt(np.divide(mean, columns, out=np.ones_like(columns), where=columns > 1e-9 * mean))
     return result
+
+
+def _rough(
+    state: WorldState, a: npt.NDArray[np.complex128], part: npt.NDArray[np.int64], point: Array
+) -> npt.NDArray[np.complex128]:
+    """Return transfers (n, 2, 2) of single scattering with their powers, by the law of rough patches.
+
+    Parts are those of the scatterers, points give each its random numbers.
+    """
+    names = np.array(state.world.parts.material)[part]
+    crossed = np.zeros(len(a))
+    for name in np.unique(names):
+        crossed[names == name] = state.world.materials[str(name)].xpd_coefficient
+    power = np.sum(np.abs(a) ** 2, axis=(1, 2)) / 2.0
+    alike, across = np.sqrt(power * (1.0 - crossed)), np.sqrt(power * crossed)
+    draw = uniform_hash(np.ascontiguousarray(point).view(np.int64), 0)
+    return rough_matrix(alike, alike, across, draw) * np.exp(1j * np.angle(a[:, 0, 0]))[:, None, None]
 
 
 def _directions(start: Array, points: Array, end: Array) -> Array:

@@ -185,6 +185,11 @@ class RaycastKernel:
         self._material = rays.index(np.array([row[name] for name in state.world.parts.material], dtype=np.uint32))
         self._instance = rays.label(state.world.parts.instance)
 
+    @property
+    def num_rays(self) -> int:
+        """How many rays the grid has."""
+        return self._grid.num_rays
+
     def hits(self, first: int, stop: int) -> Hits:
         """Return what rays `first` to `stop` hit.
 

@@ -29,6 +29,7 @@ from scarl_sionna.radar.channel.compose.plan import ids_of
 from scarl_sionna.radar.link import received_amplitude
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.scene.materials.depolarization import rough_matrix
 
 from .grid import RayGrid
 from .kernel import Hits, RaycastKernel, Task, no_columns
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
+Index = npt.NDArray[np.int64]
 
 RAYS_PER_BATCH = 1_000_000
 """Rays cast at once: bounds the memory of a batch to about 100 MB, changes no result."""
@@ -134,7 +136,7 @@ def solve_raycast(
     task = Task(rays_of, knobs, reach, owned, by_material)
     if not _may_hit(state, Viewpoint.of(radar, pose, np.zeros(3)), task):
         nothing = no_columns()
-        nothing["a"] = _transfer(nothing, None, None)
+        nothing["a"] = _transfer(nothing, 0, np.zeros(0, dtype=np.int64), None)
         return _paths(nothing, state, mount, rays_of, dict.fromkeys(("cast", "thin", "amplitude"), 0.0), chosen)
     with variant.optical() as mi:
         start = time.perf_counter()
@@ -149,14 +151,16 @@ def solve_raycast(
         chosen["num_hits"] = len(found.ray)
         growth = None
         if knobs.hits_per_cell is not None and knobs.hit_phase == "rough":
-            received = found.received if radar.array.is_uniform else _received(kernel.columns(found), radar)
+            received = found.received if radar.array.is_uniform else _received(kernel, found, radar)
             tiny = np.finfo(np.float64).tiny ** 0.5
             kept, growth = thin(found.cell, np.maximum(received, tiny), knobs.hits_per_cell)
             found = found.of(kept)
         thinned = time.perf_counter()
         columns = kernel.columns(found)
     phases = _fixed_phases(knobs.hit_phase, rays_of.num_rays)
-    columns["a"] = _transfer(columns, None if phases is None else np.take(phases, found.ray), growth)
+    columns["a"] = _transfer(columns, rays_of.num_rays, found.ray, growth)
+    if phases is not None:
+        columns["a"] *= np.take(phases, found.ray)[:, None, None]
     clock = {"cast": cast - start, "thin": thinned - cast, "amplitude": time.perf_counter() - thinned}
     return _paths(columns, state, mount, rays_of, clock, chosen)
 
@@ -169,21 +173,30 @@ def _may_hit(state: WorldState, station: Viewpoint, task: Task) -> bool:
     return bool((near & station.may_hold((lower + upper) / 2.0, row_norm(upper - lower) / 2.0)).any())
 
 
-def _received(columns: dict[str, npt.NDArray[Any]], radar: RadarSpec) -> Array:
+def _received(kernel: RaycastKernel, found: Hits, radar: RadarSpec) -> Array:
     """Return the power that an antenna pair receives by each hit, where antennas are described one by one."""
-    transfer = _transfer(columns, None, None)
+    columns = kernel.columns(found)
+    transfer = _transfer(columns, kernel.num_rays, found.ray, None)
     return np.asarray(np.abs(received_amplitude(transfer, columns["ray"], columns["ray"], radar)) ** 2)
 
 
-def _transfer(columns: dict[str, npt.NDArray[Any]], turned: Complex | None, growth: Array | None) -> Complex:
-    """Return the polarimetric transfer (num_hits, 2, 2) of hits, which are turned by factors; `growth` is of power."""
+def _transfer(columns: dict[str, npt.NDArray[Any]], num_rays: int, ray: Index, growth: Array | None) -> Complex:
+    """Return the polarimetric transfer (num_hits, 2, 2) of the hits of rays; `growth` is of power."""
     size = columns["amplitude"] if growth is None else columns["amplitude"] * np.sqrt(growth)[:, None]
-    out = np.empty((len(size), 4), dtype=np.complex128)
-    for place, column in enumerate((0, 2, 2, 1)):
-        out[:, place] = size[:, column]
-    if turned is not None:
-        out *= turned[:, None]
-    return out.reshape(-1, 2, 2)
+    vertical, horizontal, crossed = size.T
+    if not crossed.any():
+        out = np.zeros((len(size), 2, 2), dtype=np.complex128)
+        out[:, 0, 0], out[:, 1, 1] = vertical, horizontal
+        return out
+    return rough_matrix(vertical, horizontal, crossed, np.take(_fixed_draws(num_rays), ray))
+
+
+@lru_cache(maxsize=_PHASES_KEPT)
+def _fixed_draws(num_rays: int) -> Array:
+    """Return of which numbers the rays' cross-polar phases are made: the same for every frame."""
+    drawn = seeds.generator(0, "raycast_cross_polar").random(num_rays)
+    drawn.flags.writeable = False
+    return drawn
 
 
 @lru_cache(maxsize=_PHASES_KEPT)

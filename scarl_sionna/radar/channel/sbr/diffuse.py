@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.seeds import uniform_hash
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes
 
 from .senses import Kind
 
-Array = npt.NDArray[np.float64]
-Words = npt.NDArray[np.uint64]
 Columns = dict[str, npt.NDArray[Any]]
 
 _OF_THE_MIDDLE = ("tx_point", "rx_point", "tx_velocity", "rx_velocity", "length_rate", "length", "cosine", "scattered")
@@ -69,23 +68,3 @@ def scattered_rows(pieces: Columns, seed: int) -> Columns:
     result["a"] = result.pop("scattered") * (np.sqrt(total) * turn)[:, None, None]
     result["kind"] = np.full(len(first), Kind.ROUGH, dtype=np.int8)
     return result
-
-
-def uniform_hash(keys: npt.NDArray[np.int64], seed: int) -> Array:
-    """Return numbers that look independent and uniform over [0, 1), one for each row of keys.
-
-    References
-    ----------
-    .. [1] G. L. Steele, D. Lea, C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014 (the
-           finalizer of SplitMix64).
-    """
-    state = np.full(len(keys), seed, dtype=np.uint64)
-    for column in keys.T:
-        state = _mixed((state ^ column.astype(np.uint64)) + np.uint64(0x9E3779B97F4A7C15))
-    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53
-
-
-def _mixed(word: Words) -> Words:
-    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return word ^ (word >> np.uint64(31))

@@ -295,7 +295,6 @@ class _Solve:
         self.size = size = PatchSize.of(bodies.radar, bodies.knobs, bodies.settings.warn_at.wide_arm)
         self.has_reverse = pair.tx is pair.rx and pair.tx.window is None
         self.tracings: list[Shared] = []
-        self.num_ended = 0
         self.near = NearField(
             bodies.rays,
             bodies.surfaces,
@@ -307,10 +306,11 @@ class _Solve:
             size.duration,
             size.max_turn,
             size.wide_arm,
+            bodies.knobs.seed,
         )
         self.blocks: list[Columns] = []
         self.rough: dict[tuple[int, bool], list[Columns]] = {}
-        self.num_rows = 0
+        self.num_rows, self.num_ended = 0, 0
         self.paths = RadarPaths.empty(pair.tx.pose)
 
     def fill(self, place: int, heard: Heard, columns: Columns) -> None:
