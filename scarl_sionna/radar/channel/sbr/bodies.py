@@ -139,7 +139,8 @@ class Bodies:
     @cached_property
     def widths(self) -> Array:
         """Width of the flat region to which each face belongs [m], shape (num_faces,)."""
-        return _widths(self.state, self.faces)
+        curved = self._table[1]
+        return _widths(self.state, self.faces, None if curved is None else curved.is_curved)
 
     @cached_property
     def _mirror_widths(self) -> Array:
@@ -206,22 +207,23 @@ def _narrow(state: WorldState, parts: Index) -> NarrowBodies:
     return NarrowBodies.of_parts(found)
 
 
-_flat: WeakKeyDictionary[World, tuple[Index, Array]] = WeakKeyDictionary()
-"""Plane of each face, and the width of its flat region [m]."""
+_flat: WeakKeyDictionary[World, tuple[Mask, Array]] = WeakKeyDictionary()
+"""Which faces of parts that do not bend stand for a curve, and the width of the flat region of each face [m]."""
 
 
-def _widths(state: WorldState, faces: FaceTable) -> Array:
+def _widths(state: WorldState, faces: FaceTable, is_curved: Mask | None) -> Array:
     """Return the widths of flat regions; those of parts that do not bend are found once for a world.
 
     By the world's own corners, so that they are the same numbers in whatever state they are asked for first. Faces of
     parts that bend have a plane each.
     """
+    bends = np.isin(faces.part, list(state._bent))
+    apart = np.zeros(len(bends), dtype=np.bool_) if is_curved is None else ~bends & is_curved
     known = _flat.get(state.world)
-    if known is None or not np.array_equal(known[0], faces.plane):
-        known = _flat[state.world] = faces.plane, flat_widths(state.world._triangles.corners, faces.plane)
-    bent = np.flatnonzero(np.isin(faces.part, list(state._bent)))
+    if known is None or not np.array_equal(known[0], apart):
+        known = _flat[state.world] = apart, flat_widths(state.world._triangles.corners, faces.plane)
     found = known[1].copy()
-    found[bent] = flat_widths(faces.triangles.corners[bent], faces.plane[bent])
+    found[bends] = flat_widths(faces.triangles.corners[bends], faces.plane[bends])
     return found
 
 
