@@ -452,7 +452,7 @@ def wall() -> Problem:
         return float(np.mean(errors))
 
     through = [
-        (label, {"plan": ChannelPlan((Share("sbr", ("ball",), options, True),), ("wall",), echoes=False)})
+        (label, {"plan": ChannelPlan((Share("sbr", ("ball",), options["settings"], True),), ("wall",), echoes=False)})
         for label, options in sbr_knobs(floor_db=None, max_depth=1)
     ]
     one = Share("scatterers", ("ball",), {"models": {"ball": _ball_model(radius, position)}}, True)
