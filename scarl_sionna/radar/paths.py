@@ -317,6 +317,22 @@ class RadarPaths(
         rest = {name: value for name, value in every.items() if name not in changed}
         return RadarPaths(**changed, **rest)
 
+    def scaled(self, factor: npt.ArrayLike) -> RadarPaths:
+        """Return the paths with fields, and what they change by over arrays, times a factor.
+
+        Parameters
+        ----------
+        factor : array_like, shape (), (num_paths,) or (num_paths, 2, 2)
+            Of each path, or of each pair of polarisations.
+        """
+        times = np.asarray(factor)
+        times = times.reshape(times.shape + (1,) * (3 - times.ndim)) if times.ndim < 3 else times
+        changed: dict[str, Any] = {"a": self.a * times}
+        for name in ("tx_slope", "rx_slope"):
+            if (slope := getattr(self, name)) is not None:
+                changed[name] = slope * times[:, None]
+        return replace(self, **changed)
+
     def reversed(self) -> RadarPaths:
         """Return the same paths the other way round, with the two radars exchanged (reciprocity).
 

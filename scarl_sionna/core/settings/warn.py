@@ -36,9 +36,10 @@ class WarningLevels(Spec):
     wide_arm: Metres = Field(
         0.1,
         ge=0.0,
-        description="'sionna' tests whether all antennas see a path if one is farther than this from the array's "
-        "centre [m]: at 77 GHz the first Fresnel zone is 0.2 m across half-way to 10 m; docs/sionna_paths.md, where "
-        "it breaks",
+        description="an array is wide if an antenna is farther than this from its centre [m]: 'sionna' tests whether "
+        "all antennas see a path (at 77 GHz the first Fresnel zone is 0.2 m across half-way to 10 m; "
+        "docs/sionna_paths.md, where it breaks), 'sbr' gives patches nearer than 100 times this their change over the "
+        "array (docs/sbr.md)",
     )
     wavefront_error: Annotated[float, Unit("rad")] = Field(
         0.1,

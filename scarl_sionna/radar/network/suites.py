@@ -219,8 +219,7 @@ def _turned(paths: RadarPaths, turn: complex) -> RadarPaths:
     """Return paths whose beat signals, transmit times conj(receive), are turned before the receiver."""
     if turn == 1.0:
         return paths
-    every = ((name, getattr(paths, name)) for name in ("a", "tx_slope", "rx_slope"))
-    return replace(paths, **{name: value * np.conj(turn) for name, value in every if value is not None})
+    return paths.scaled(np.conj(turn))
 
 
 def _clocked(paths: RadarPaths, delay: float) -> RadarPaths:

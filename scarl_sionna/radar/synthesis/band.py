@@ -57,7 +57,7 @@ def parts(paths: RadarPaths, radar: RadarSpec, tolerance: float | None) -> Itera
         return
     rest, factor = plain.select(~flat), paths.over_band[~flat]
     for row, screen in enumerate(screens(radar, paths.band, factor.shape[1])):
-        yield replace(rest, a=rest.a * factor[:, row, None, None]), screen
+        yield rest.scaled(factor[:, row]), screen
 
 
 def screens(radar: RadarSpec, band: tuple[float, float], count: int) -> Array:

@@ -87,7 +87,9 @@ def synthesize_blocks(
     Within a block, end points move straight on, and what their acceleration does to the length is quadratic in time
     about the middle. With the true rate and acceleration the phase is off by at most
     :math:`2\pi f_0/c \cdot \dddot L (T/2)^3/6` at the borders of a block that lasts T; where a solver takes turning
-    parts as moving straight, by :math:`2\pi f_0/c \cdot \ddot L (T/2)^2/2`. Gains and reflection are kept over a block.
+    parts as moving straight, by :math:`2\pi f_0/c \cdot \ddot L (T/2)^2/2`. What patches
+    change by (`over_time`) is exact from the start of the paths to the end of their frame; before the start, where the
+    first half of a block lies whose paths are those of its middle, it is a quadratic extrapolation.
 
     References
     ----------
@@ -211,11 +213,10 @@ def _timed(moved: RadarPaths, paths: RadarPaths, time: float, linear: npt.NDArra
         image[mirror, :, 3] += missing[mirror, None] * ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
         moved = replace(moved, rx_image=image)
     return replace(
-        moved,
+        moved.scaled(np.where(linear, 1.0, strength * over_time(paths, time))),
         inner_length=np.where(mirror, moved.inner_length, moved.inner_length + missing),
         length_rate=rate,
         length_acceleration=bend,
-        a=paths.a * (np.where(linear, 1.0, strength) * over_time(paths, time))[:, None, None],
         over_time=fading_from(paths, time),
     )
 

@@ -186,4 +186,4 @@ def attenuate(paths: RadarPaths, radar: RadarSpec, values: tuple[float, float]) 
     length = PathGeometry.of(paths, radar).center_length()
     loss_db = mean * (length / 1e3)[:, None, None]
     report = {"attenuation_db_per_km": {"V": values[0], "H": values[1]}}
-    return replace(paths, a=paths.a * 10.0 ** (-loss_db / 20.0), diagnostics={**paths.diagnostics, **report})
+    return replace(paths.scaled(10.0 ** (-loss_db / 20.0)), diagnostics={**paths.diagnostics, **report})

@@ -142,7 +142,7 @@ def weighted(paths: RadarPaths, met: Faces, seen: Seen, instance: Mapping[int, i
         for number in np.unique(own).tolist():
             over = [seen.weights.get((number, instance[mirror]), 1.0) for mirror in way]
             weight[own == number] *= np.prod(over)
-    return replace(paths, a=paths.a * weight[:, None, None])
+    return paths.scaled(weight)
 
 
 def _looking(start: Array, end: Array) -> Array:
@@ -164,6 +164,11 @@ def _seen(view: MirrorView, found: RadarPaths, images: Images, cut: bool) -> Rad
     weight = there.weight * back.weight
     visible = weight != 0.0
     changed["a"] = np.einsum("pki,pkl,plj->pij", back.jones, found.a, there.jones) * weight[:, None, None]
+    ends = zip(("tx_slope", "rx_slope"), images, strict=True)
+    for name, turn in ((name, _from_image(image, pose)) for name, image in ends):
+        if (slope := getattr(found, name)) is not None:
+            turned = np.einsum("pki,pmkl,plj,mn->pnij", back.jones, slope, there.jones, turn, optimize=True)
+            changed[name] = turned * weight[:, None, None, None]
     changed |= {
         "tx_point": there.image,
         "rx_point": back.image,
@@ -176,6 +181,7 @@ def _seen(view: MirrorView, found: RadarPaths, images: Images, cut: bool) -> Rad
         "world_from_tx": pose,
         "world_from_rx": pose,
         "rx_image": None,
+        "over_time": None,  # of an image that stands
         "tx_velocity": there.image_velocity,
         "rx_velocity": back.image_velocity,
         "tx_twist": view.mount.twist,
@@ -183,6 +189,13 @@ def _seen(view: MirrorView, found: RadarPaths, images: Images, cut: bool) -> Rad
     }
     result = RadarPaths(**changed)
     return result if visible.all() else result.select(visible)
+
+
+def _from_image(image: Image, pose: Pose) -> Array:
+    """Return the axes of a radar as its image has them, in columns, shape (3, 3): what changes along one changes so."""
+    axes = np.stack([mirrored(image.way, axis) for axis in pose.rotation.T], axis=1)
+    at_origin = mirrored(image.way, np.zeros(3))
+    return np.asarray(image.pose.rotation.T @ (axes - at_origin[:, None]))
 
 
 def _shown(view: MirrorView, found: RadarPaths, images: Images) -> Flags:

@@ -307,7 +307,7 @@ def as_found(plan: ChannelPlan, paths: RadarPaths, radar: RadarSpec, least_db: f
         shares.append(replace(share, reflections=tuple(over)) if over else share)
     if np.all(scale == 1.0):
         return plan, paths
-    return replace(plan, shares=tuple(shares)), replace(paths, a=paths.a * scale[:, None, None])
+    return replace(plan, shares=tuple(shares)), paths.scaled(scale)
 
 
 class _Legs:

@@ -146,7 +146,7 @@ def of_both_senses(state: WorldState, both: Sequence[RadarPaths]) -> RadarPaths:
         last = np.take_along_axis(paths.instance, paths.depth[:, None].astype(np.int64) - 1, axis=1)[:, 0]
         names, place = np.unique(last, return_inverse=True)
         semantic = np.array([table[int(number)].semantic for number in names], dtype=np.uint8)[place]
-        halves.append(replace(paths, a=paths.a * share[:, None, None], semantic=semantic))
+        halves.append(replace(paths.scaled(share), semantic=semantic))
     return RadarPaths.concatenate(halves, both[0].diagnostics)
 
 

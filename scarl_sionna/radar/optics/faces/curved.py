@@ -209,8 +209,12 @@ def parts_of(curved: CurvedFaces, face: Index, corners: Array, difference: Array
 
 
 def _between(corners: Array) -> Array:
-    """Return the points at a third of the sides of triangles: at the middle an S stands off by nothing."""
-    return (2.0 * corners + np.roll(corners, -1, axis=1)) / 3.0
+    """Return the points at both thirds of the sides of triangles, shape (n, 6, 3).
+
+    At the middle an S stands off by nothing, and an arc and an S that cancel at one third add at the other.
+    """
+    following = np.roll(corners, -1, axis=1)
+    return np.concatenate([2.0 * corners + following, corners + 2.0 * following], axis=1) / 3.0
 
 
 @cache
@@ -302,8 +306,9 @@ class DeviceCurves:
         for k in range(3):
             one, two = corner[k], corner[(k + 1) % 3]
             square = dr.maximum(square, dr.squared_norm(two - one))
-            over = surface((2.0 * one + two) / 3.0) - (2.0 * surface(one) + surface(two)) / 3.0
-            stands = dr.maximum(stands, dr.abs(dr.dot(over, axis)))
+            for near, far in ((one, two), (two, one)):
+                over = surface((2.0 * near + far) / 3.0) - (2.0 * surface(near) + surface(far)) / 3.0
+                stands = dr.maximum(stands, dr.abs(dr.dot(over, axis)))
         parts = wavenumber * square * (1.0 / out + 1.0 / home) / 8.0 / flat_phase
         parts = dr.maximum(parts, THIRD * wavenumber * stands / self._largest)
         cuts = dr.maximum(dr.ceil(dr.sqrt(parts)), 1.0)

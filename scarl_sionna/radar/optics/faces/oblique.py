@@ -50,7 +50,7 @@ def steady_slope(
     """Return the slope of the phase above which the strength of edges is kept over a frame and a wide array [rad/m].
 
     The strength of a corner goes with the square of the slope, so a change by d alters it by 2 d / slope. That may be
-    what `max_turn` allows the pattern of a patch, max_turn^2 / 6.
+    max_turn^2 / 6, a rule of the edges alone.
 
     Parameters
     ----------
