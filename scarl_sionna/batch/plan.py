@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.scatterers import TR38901
 from scarl_sionna.dataset.encoding import StoreOptions, foreign_fields
 from scarl_sionna.dataset.schema import RESULT_TYPES, check_schema
 from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan, differences
+from scarl_sionna.dataset.store.writer import first_few
 from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.simulation import resolve_rig
@@ -54,6 +56,11 @@ def plan_export(
 
     `plan_file`: what of the scenarios stands in it is not computed again, and the rest is added; see `shared_plan`.
 
+    Warns
+    -----
+    ScarlWarning
+        If drives of one seed have the same noise without `noise_of`: they were read from files of the same name.
+
     Raises
     ------
     ParameterRangeError
@@ -74,6 +81,7 @@ def plan_export(
         named[name] = scenario
     if not named:
         raise ParameterRangeError("scenarios", "none", "at least one")
+    _tell_common_noise(named)
     rig = _common_rig(named)
     for mount in rig.sensors:
         check_storable(mount.name, mount.kind)
@@ -188,6 +196,22 @@ def shards_of_part(keys: Sequence[tuple[str, int]], part: tuple[int, int] | None
     if not 0 <= index < count:
         raise ParameterRangeError("shard", f"{index}/{count}", "i/n with 0 <= i < n")
     return [key for position, key in enumerate(keys) if position % count == index]
+
+
+def _tell_common_noise(scenarios: dict[str, ScenarioSpec]) -> None:
+    """Warn of drives that share their noise though none of them states so."""
+    sharing: dict[tuple[int, str], list[str]] = {}
+    for name, scenario in scenarios.items():
+        if scenario.noise_of is None:
+            sharing.setdefault((scenario.seed, scenario.noise_name), []).append(f"'{name}'")
+    for (seed, noise), names in sharing.items():
+        if len(names) > 1:
+            warnings.warn(
+                f"{first_few(names)} have the same noise: all of seed {seed}, and drawn by the name '{noise}'; give "
+                f"each a `name`, or state `noise_of: {noise}` in all of them if it is meant",
+                ScarlWarning,
+                stacklevel=3,
+            )
 
 
 def _common_rig(scenarios: dict[str, ScenarioSpec]) -> Rig:

@@ -15,7 +15,7 @@ from scarl_sionna.batch.plan import plan_export
 from scarl_sionna.batch.sweep import parse_seeds
 from scarl_sionna.cli.main import app
 from scarl_sionna.cli.options import ScenarioOptions
-from scarl_sionna.core.errors import ExportError, InputTypeError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import ExportError, InputTypeError, ParameterRangeError, ScarlWarning, UnknownNameError
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.dataset.encoding import StoreOptions
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
@@ -174,6 +174,20 @@ def test_a_plan_is_computed_once(drive, tmp_path, monkeypatch) -> None:
     computed.clear()
     plan_export(Sweep((2,)).apply([drive.with_(frame_rate=20.0)]), StoreOptions(), plan_file=plan_file)
     assert computed == [2]  # of another scenario
+
+
+def test_drives_with_the_same_noise_that_do_not_say_so_are_told(drive, tmp_path, recwarn) -> None:
+    plain = {name: value for name, value in drive.to_dict().items() if name != "name"}
+    (tmp_path / "drive.yaml").write_text(json.dumps(plain))
+    unnamed = ScenarioSpec.load(tmp_path / "drive.yaml")
+    named = unnamed.with_(name="drive")
+    assert named.scene_name != unnamed.scene_name and named.noise_name == unnamed.noise_name == "drive"
+    for others in ([named.with_(seed=5)], [named.with_(noise_of="drive")], [named.with_(name="other")]):
+        plan_export([unnamed, *others], StoreOptions())
+    assert not [item for item in recwarn if "noise" in str(item.message)]
+    shown = rf"'{unnamed.scene_name}', 'drive' have the same noise: all of seed 0, and drawn by the name 'drive'"
+    with pytest.warns(ScarlWarning, match=shown):
+        plan_export([unnamed, named], StoreOptions())
 
 
 def test_a_plan_of_other_versions_or_none_is_refused(drive, tmp_path) -> None:

@@ -23,7 +23,7 @@ from .files import RemoteFiles, make_folder, output_error, write_whole
 from .layout import CARD, WORK_FOLDER, Layout, prune, remove_empty, remove_file
 from .manifest import BACKUP, MANIFEST, SHARDS, DatasetPlan, ScenePlan, dump_manifest, manifest_data
 from .records import Row, ShardRecord, record_name, shard_rows
-from .writer import DatasetFolder, There, holds_frames
+from .writer import DatasetFolder, There, first_few, holds_frames
 
 STORES = ("s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "oss", "memory")
 """Protocols of places where a file appears whole or not at all."""
@@ -192,9 +192,9 @@ class RemoteFolder(DatasetFolder):
             found = self.target.walk()
             names = [name for name in found if not Layout(self.plan).owns(name)]
             if names:
-                shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
                 raise OutputError(
-                    f"{self.address} holds other files ({shown}) and no dataset; they are kept: choose another place"
+                    f"{self.address} holds other files ({first_few(names)}) and no dataset; they are kept: choose "
+                    "another place"
                 )
         return there
 

@@ -174,7 +174,7 @@ class DatasetFolder:
         """Warn of ZIP files that are not there: without them their shards are not finished."""
         if self._lost and not self.repair:
             warnings.warn(
-                f"not in {self.address} with the size that was written, and made again: {_first(self._lost)}",
+                f"not in {self.address} with the size that was written, and made again: {first_few(self._lost)}",
                 ScarlWarning,
                 stacklevel=4,
             )
@@ -205,7 +205,7 @@ class DatasetFolder:
         changes = self.plan.changes(old)
         if changes and is_begun:
             raise OutputError(
-                f"{self.address} holds frames of another configuration ({_first(changes, '; ')}); choose another "
+                f"{self.address} holds frames of another configuration ({first_few(changes, '; ')}); choose another "
                 "folder or overwrite"
             )
         splits = {scene.name: scene.split for scene in old.scenes}
@@ -215,7 +215,7 @@ class DatasetFolder:
             if splits.get(scene.name, scene.split) != scene.split
         ]
         if moved and not changes:
-            warnings.warn(f"splits of {self.address}: {_first(moved)}", ScarlWarning, stacklevel=4)
+            warnings.warn(f"splits of {self.address}: {first_few(moved)}", ScarlWarning, stacklevel=4)
         self.plan = self.plan if changes else self.plan.merged(old)
         return [(s.name, s.num_frames) for s in self.plan.scenes] != [(s.name, s.num_frames) for s in old.scenes]
 
@@ -250,7 +250,7 @@ class DatasetFolder:
                 found = foreign_data(self.root, Layout(self.plan), there.layout(scenes), scenes)
         if found:
             raise OutputError(
-                f"{self.root} holds other files ({_first(found)}) {where}; they are kept: choose another folder, "
+                f"{self.root} holds other files ({first_few(found)}) {where}; they are kept: choose another folder, "
                 "or move them away"
             )
         return there
@@ -416,7 +416,7 @@ class There:
         return Layout(self.plan, names)
 
 
-def _first(items: Sequence[str], between: str = ", ") -> str:
+def first_few(items: Sequence[str], between: str = ", ") -> str:
     """Return the first five of some texts, and how many more there are."""
     more = [f"and {len(items) - 5} more"] if len(items) > 5 else []
     return between.join([*items[:5], *more])

@@ -75,7 +75,7 @@ class ScenarioSpec(Spec):
         None,
         pattern=r"^[A-Za-z0-9_\-]+$",
         description="drives that state the same name here have the same noise by seed, "
-        "time and sensor; default: that of the sequence, noise of its own",
+        "time and sensor; default: `name`, else the name of its file, else that of the scene",
     )
     split: Literal["train", "val", "test"] = Field("train", description="split of a dataset that it belongs to")
     lighting: LightingField = Field(None, description="default: that of the scene")
@@ -306,7 +306,9 @@ class ScenarioSpec(Spec):
     def save(self, path: str | Path) -> None:
         """Write the scenario to a YAML file (``.yaml``, ``.yml``) or a JSON file.
 
-        What is given as a preset stands there with its values, so that the file keeps its meaning.
+        What is given as a preset stands there with its values, so that the file keeps its meaning. A drive with neither
+        `name` nor `noise_of` goes by the name of its file, so that each file has noise of its own: under another name
+        it has other noise. ``with_(noise_of=drive.noise_name)`` keeps it.
 
         Raises
         ------
