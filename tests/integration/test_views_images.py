@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -131,11 +132,41 @@ def test_boxes_of_yolo_are_those_of_coco(coco_folder, tmp_path) -> None:
     assert compared > 6
 
 
-def test_one_split_alone_still_names_both_that_a_trainer_wants(tmp_path) -> None:
-    with pytest.warns(ScarlWarning, match="split 'train': data.yaml names those of images/val"):
-        export_yolo(SOURCE.subset(splits=["val"]), tmp_path / "yolo")
+@pytest.mark.parametrize(
+    ("splits", "train", "val", "told"),
+    [
+        (
+            ("val", "test"),
+            "val",
+            "val",
+            {"'train': data.yaml names those of images/val .* is trained with"},
+        ),
+        (
+            ("test", "train"),
+            "train",
+            "train",
+            {"'val': data.yaml names those of images/train .* is validated on"},
+        ),
+        (
+            ("test",),
+            "test",
+            "test",
+            {
+                "'train': data.yaml names those of images/test .* is trained with what it is tested on",
+                "'val': data.yaml names those of images/test .* is validated on what it is tested on",
+            },
+        ),
+    ],
+)
+def test_splits_that_lack_still_are_named_for_a_trainer(tmp_path, splits, train, val, told) -> None:
+    scenes = SOURCE.scenes[: len(splits)]
+    named = {split: [scene.name] for split, scene in zip(splits, scenes, strict=True)}
+    with pytest.warns(ScarlWarning) as caught:
+        export_yolo(FrameSource(SOURCE.rig, scenes, named), tmp_path / "yolo")
+    texts = [str(item.message) for item in caught if "of the split" in str(item.message)]
+    assert len(texts) == len(told) and all(any(re.search(text, item) for item in texts) for text in told)
     about = yaml.safe_load((tmp_path / "yolo" / "data.yaml").read_text())
-    assert about["train"] == about["val"] == "images/val"
+    assert (about["train"], about["val"]) == (f"images/{train}", f"images/{val}")
 
 
 def test_an_instance_image_of_another_camera_with_the_same_view_serves(tmp_path) -> None:

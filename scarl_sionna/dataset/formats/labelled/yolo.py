@@ -20,6 +20,8 @@ FORMAT = "yolo"
 NAMES = tuple(name for _, name in sorted(set(COCO_CLASSES.values())))
 """Class names; the index is the class of a label."""
 INFO = "data.yaml"
+_USES = {"train": "trained with", "val": "validated on", "test": "tested on"}
+"""What becomes of a network by the images of a split."""
 
 
 def export_yolo(
@@ -39,13 +41,19 @@ def export_yolo(
         See `as_source`. A camera with instance images has the place and lens of each colour camera.
     out : path
         Folder to make: ``images/train/...``, ``labels/train/...`` and ``data.yaml``, in the layout of Ultralytics. A
-        trainer wants both ``train`` and ``val``: what the dataset lacks is the other one, with a warning.
+        trainer wants both ``train`` and ``val``: what the dataset lacks is the other one, else ``test``, with a
+        warning.
     image_format : str
         ``"jpg"`` or, without loss, ``"png"``.
     min_pixels : int
         Objects of which an image shows fewer are left out.
     overwrite : bool
     on_progress : callable
+
+    Warns
+    -----
+    ScarlWarning
+        If no images are for training or none for validation.
 
     Raises
     ------
@@ -62,22 +70,26 @@ def export_yolo(
     splits: dict[str, str] = {}
     with whole_folder(out, mark, overwrite) as folder:
         for shown in labelled_images(source, min_pixels, on_progress):
-            splits[shown.split] = f"images/{shown.split}"
+            splits[shown.split] = f"images/{shown.split}"  # relative to `INFO`
             images, labels = (folder / kind / shown.split for kind in ("images", "labels"))
             for place in (images, labels):
                 place.mkdir(parents=True, exist_ok=True)
             assert shown.image.rgb is not None
             (images / f"{shown.stem}.{image_format}").write_bytes(encode_image(shown.image.rgb, image_format))
             (labels / f"{shown.stem}.txt").write_text("".join(_lines(shown)), encoding="utf-8")
-        first = next(iter(splits.values()))  # names are relative to this file
-        for name in sorted({"train", "val"} - set(splits)):
-            warnings.warn(
-                f"no images are of the split '{name}': {INFO} names those of {first} in its place, so that a network "
-                "is validated on what it is trained with; give drives to both splits",
-                ScarlWarning,
-                stacklevel=2,
-            )
-        about = {"train": first, "val": first, **splits, "names": dict(enumerate(NAMES))}
+        named = {}
+        for name, other in (("train", "val"), ("val", "train")):
+            used = min(splits, key=lambda split: (split != name, split != other, split == "test"))
+            named[name] = splits[used]
+            if used != name:
+                leak = f", so that a network is {_USES[name]} what it is {_USES[used]}" if used in _USES else ""
+                warnings.warn(
+                    f"no images are of the split '{name}': {INFO} names those of {splits[used]} in its place{leak}; "
+                    f"give drives to the split '{name}'",
+                    ScarlWarning,
+                    stacklevel=2,
+                )
+        about = {**named, **splits, "names": dict(enumerate(NAMES))}
         (folder / INFO).write_text(yaml.safe_dump(about, sort_keys=False), encoding="utf-8")
     return Path(out)
 
