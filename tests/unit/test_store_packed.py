@@ -217,22 +217,40 @@ def test_a_record_in_the_wrong_place_costs_no_other_shard(damaged, packed) -> No
     assert contents(damaged) == contents(packed)
 
 
-@pytest.mark.parametrize("how", ["lost", "cut", "with its manifests"])
-def test_a_shard_whose_zip_file_is_gone_is_made_again_with_a_warning(damaged, packed, how) -> None:
-    place = damaged / "shards" / "a" / "000001.zip"
-    if how == "cut":
-        os.truncate(place, 1000)
-    else:
-        place.unlink()
-    if how == "with its manifests":
-        for name in ("manifest.json", "manifest.backup.json"):
-            (damaged / name).unlink()
+def lose(root: Path, names: str) -> None:
+    for name in names.split():
+        (root / name).unlink()
+
+
+@pytest.mark.parametrize("lost", ["", "shards/a/000001.zip", "shards/a/000001.zip manifest.json manifest.backup.json"])
+def test_a_shard_whose_zip_file_is_gone_is_made_again_with_a_warning(damaged, packed, lost) -> None:
+    os.truncate(damaged / "shards" / "a" / "000001.zip", 1000)
+    lose(damaged, lost)
+    with pytest.warns(ScarlWarning, match=r"size that was written: shards/a/000001\.zip; .* not finished") as caught:
         write_dataset(damaged, RIG.to_dict(), SCENES, options=OPTIONS)
-    else:
-        with pytest.warns(ScarlWarning, match=r"not in .* made again: shards/a/000001\.zip$"):
-            write_dataset(damaged, RIG.to_dict(), SCENES, options=OPTIONS)
+    assert len(caught) == 1
     assert contents(damaged) == contents(packed)
     assert verify(damaged).complete
+
+
+def test_a_zip_file_that_goes_while_others_are_made_is_told_at_the_end(damaged) -> None:
+    lose(damaged, "shards/b/000000.zip")
+    plan = open_dataset(damaged).plan
+    with pytest.warns(ScarlWarning) as caught, DatasetFolder(damaged, plan) as folder:
+        lose(damaged, "shards/a/000001.zip")
+        folder.finalize()
+    first, second = (str(item.message) for item in caught)
+    assert "was written: shards/b/000000.zip; " in first
+    assert "was written: shards/a/000001.zip; " in second and "an export of their drives makes them again" in second
+    assert [row is None for row in folder.rows["a"]] == [False, True, False]
+
+
+def test_a_shard_of_single_files_of_which_one_is_gone_is_made_again_with_a_warning(plain, tmp_path) -> None:
+    shutil.copytree(plain, tmp_path / "out")
+    lose(tmp_path / "out", PICTURE)
+    with pytest.warns(ScarlWarning, match=rf"{PICTURE}; shard 1 of a is made again$"):
+        write_dataset(tmp_path / "out", RIG.to_dict(), SCENES, options=StoreOptions(shard_frames=2, layout="files"))
+    assert contents(tmp_path / "out") == contents(plain)
 
 
 def test_a_scene_that_moves_to_another_split_is_told(damaged) -> None:

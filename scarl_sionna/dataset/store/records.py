@@ -177,9 +177,9 @@ def is_full(row: Row, scene: ScenePlan, shard: int, options: StoreOptions) -> bo
     return row is not None and row[1] == len(scene.shard_range(shard, options))
 
 
-def has_files(root: Path, record: ShardRecord) -> bool:
-    """Return whether all files that a record names are in a folder, with the sizes that it states."""
-    return all(_size(root / name) == size for name, (size, _) in record.on_disk.items())
+def lost_file(root: Path, record: ShardRecord) -> str | None:
+    """Return the first file that a record names and that is not in a folder with the size that it states."""
+    return next((name for name, (size, _) in record.on_disk.items() if _size(root / name) != size), None)
 
 
 def _size(path: Path) -> int | None:

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 
-from scarl_sionna.core.errors import OutputError
+from scarl_sionna.core.errors import OutputError, ScarlWarning
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
 
 from .files import Batch, LocalFiles, holds_text, make_folder, output_error, write_whole
@@ -26,8 +27,8 @@ from .records import (
     ShardRecord,
     array_key,
     bundle_name,
-    has_files,
     image_name,
+    lost_file,
     meta_name,
     metadata_texts,
     read_record,
@@ -52,6 +53,12 @@ class ShardWriter:
         Hash of all that decides the scene's frames (`DatasetPlan.scene_hash`).
     lock_timeout : float
         How long to wait for another process that works on this shard [s].
+
+    Warns
+    -----
+    ScarlWarning
+        On entering, if a file of a finished shard of the layout "files" is not there with the size that was written;
+        the first one is named, and all of the shard is to be made again.
 
     Raises
     ------
@@ -182,7 +189,14 @@ class ShardWriter:
     def _look(self) -> None:
         """Find out what is there already."""
         record = read_record(self.root, self.scene.name, self.shard)
-        if record is not None and not has_files(self.root, record):
+        if record is not None and (lost := lost_file(self.root, record)) is not None:
+            if record.bundle is None:  # `DatasetFolder` tells of ZIP files
+                warnings.warn(
+                    f"not in {self.root} with the size that was written: {lost}; shard {self.shard} of "
+                    f"{self.scene.name} is made again",
+                    ScarlWarning,
+                    stacklevel=3,
+                )
             remove_file(self.root / record_name(self.scene.name, self.shard))  # all is made again
             record = None
         if record is not None and set(record.frames) >= set(self.frames):

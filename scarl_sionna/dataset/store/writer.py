@@ -50,7 +50,7 @@ from .manifest import (
     plan_of,
     recover_manifest,
 )
-from .records import Row, ShardRecord, has_files, is_full, meta_name, metadata_texts, record_name, shard_rows
+from .records import Row, ShardRecord, is_full, lost_file, meta_name, metadata_texts, record_name, shard_rows
 from .shard_writer import ShardWriter, tidy_shard
 from .shards import group_metadata
 
@@ -83,8 +83,8 @@ class DatasetFolder:
     Warns
     -----
     ScarlWarning
-        On entering, if ZIP files of finished shards are not there with the size that was written, so that these shards
-        are made again, or if scenes that are there move to another split.
+        On entering and in `finalize`, if files of finished shards are not there with the size that was written, so that
+        these shards count as not finished; on entering, if scenes that are there move to another split.
 
     Raises
     ------
@@ -108,6 +108,7 @@ class DatasetFolder:
         self.plan, self.overwrite, self.part, self.repair = plan, overwrite, part, repair
         self.rows: dict[str, list[Row]] = {}
         self._lost: list[str] = []
+        self._told: set[str] = set()
         self._stack = ExitStack()
 
     def __enter__(self) -> DatasetFolder:
@@ -153,7 +154,9 @@ class DatasetFolder:
                 there = self._there().manifest
                 if there is not None:  # other parts of the export may have added to it
                     self.plan = self.plan.merged(plan_of(there))
+                self._lost.clear()
                 data = self._write_manifest({} if there is None or afresh else there["shards"], there)
+                self._tell_lost()
                 self._tidy_work()
                 return data
         except OSError as error:
@@ -171,10 +174,13 @@ class DatasetFolder:
             )
 
     def _tell_lost(self) -> None:
-        """Warn of ZIP files that are not there: without them their shards are not finished."""
-        if self._lost and not self.repair:
+        """Warn of files that are not there and not told yet: without them their shards are not finished."""
+        new = [name for name in dict.fromkeys(self._lost) if name not in self._told]
+        self._told.update(new)
+        if new and not self.repair:
             warnings.warn(
-                f"not in {self.address} with the size that was written, and made again: {first_few(self._lost)}",
+                f"not in {self.address} with the size that was written: {first_few(new)}; their shards count as not "
+                "finished, and an export of their drives makes them again",
                 ScarlWarning,
                 stacklevel=4,
             )
@@ -284,8 +290,9 @@ class DatasetFolder:
                     f"{self.root} has lost its {MANIFEST}, and {name} is of another "
                     "configuration; give the configuration that made it, choose another folder or overwrite"
                 )
-            if not has_files(self.root, record):
-                remove_file(self.root / name)  # of an overwrite that was stopped: it is made again
+            if (lost := lost_file(self.root, record)) is not None:
+                self._lost.append(lost)
+                remove_file(self.root / name)  # it is made again
         return self.plan if records else None
 
     def _clear(self, there: There) -> None:
