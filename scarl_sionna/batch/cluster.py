@@ -47,6 +47,11 @@ def run_on_cluster(
     on_event : callable
         Called for each frame.
 
+    Warns
+    -----
+    ScarlWarning
+        If there are fewer shards than `workers`, or the scheduler has no worker yet; and what the workers warn of.
+
     Raises
     ------
     ExportError
@@ -75,8 +80,8 @@ def run_on_cluster(
 def _idle_text(jobs: list[ShardJob], workers: int) -> str:
     """Return what is said of workers that have nothing to do."""
     text = f"only {len(jobs)} of {workers} workers can work at once: shards to make: {len(jobs)}"
-    if max(len(job.scene.shard_range(job.shard, job.options)) for job in jobs) == 1:
-        return text
+    if sum(len(job.scene.shard_range(job.shard, job.options)) for job in jobs) < workers:
+        return f"{text}; fewer workers (--workers {len(jobs)}) do the same"
     return (
         f"{text}; a dataset of fewer frames a shard (--shard-frames, now {jobs[0].options.shard_frames}) gives all some"
     )

@@ -40,6 +40,18 @@ def generator(seed: int, purpose: str, **names: int | str) -> np.random.Generato
 def uniform_hash(keys: npt.NDArray[np.int64], seed: int) -> npt.NDArray[np.float64]:
     """Return numbers that look independent and uniform over [0, 1), one for each row of keys.
 
+    Parameters
+    ----------
+    keys : ndarray of int64, shape (n, k)
+        What tells each number apart, k integers of any sign; their order counts.
+    seed : int
+        From 0 to ``2**64 - 1``.
+
+    Returns
+    -------
+    ndarray of float64, shape (n,)
+        Multiples of ``2**-53``; equal rows have equal numbers.
+
     References
     ----------
     .. [1] G. L. Steele, D. Lea, C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014 (the

@@ -148,7 +148,9 @@ def test_the_sign_of_fewer_bits(tmp_path, bits, has_sign) -> None:
 def test_samples_of_more_bits_than_described(tmp_path) -> None:
     (tmp_path / "a.cfg").write_text(cfg_text(SENDERS, 2).replace("adcCfg 2 1", "adcCfg 0 1"))
     write_bin(tmp_path / "adc_data.bin", np.full((4, 6, 128, 2), 5000, dtype=np.int16))
-    with pytest.raises(InputFileError, match="5000.*numbers of 12 bits"):
+    with pytest.raises(
+        InputFileError, match=r"5000.*numbers of 12 bits.*; correct the bits in the description \(adcCfg\)"
+    ):
         ss.read_capture(tmp_path, "dca1000")[0]
 
 

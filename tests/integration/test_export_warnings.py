@@ -5,15 +5,17 @@ from __future__ import annotations
 import re
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
-from scarl_sionna.batch import ExportSettings, export
+from scarl_sionna.batch import ExportSettings, cluster, export
 from scarl_sionna.batch import job as job_module
 from scarl_sionna.cli import app
 from scarl_sionna.cli.common import MOST_KINDS, warning_lines
 from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.dataset.encoding import StoreOptions
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.simulation import observe
 from tests.exports import scenario_files
@@ -77,6 +79,17 @@ def test_warnings_of_workers_are_shown_and_in_the_log(tmp_path: Path) -> None:
     assert idle.startswith("only 1 of 2 workers can work at once") and "--shard-frames, now 8" in idle
     assert found[0][0] and all(re.match(r"frame [01] of one: warning: ", line) for line in found[0][0])
     assert len(found[0][0]) == len(found[0][1])
+
+
+@pytest.mark.parametrize(
+    ("workers", "advice"),
+    [(4, "--shard-frames, now 8) gives all some"), (5, "fewer workers (--workers 1) do the same")],
+)
+def test_fewer_frames_a_shard_are_advised_only_where_they_give_all_workers_some(workers, advice) -> None:
+    scene, options = SimpleNamespace(shard_range=lambda shard, options: range(4)), StoreOptions(shard_frames=8)
+    jobs = [SimpleNamespace(scene=scene, shard=0, options=options)]
+    text = cluster._idle_text(jobs, workers)  # type: ignore[arg-type]
+    assert text.startswith(f"only 1 of {workers} workers can work at once") and text.endswith(advice)
 
 
 def test_a_failed_export_shows_its_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

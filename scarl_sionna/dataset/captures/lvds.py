@@ -107,6 +107,8 @@ def signed(raw: npt.NDArray[np.int16], bits: int) -> npt.NDArray[np.int16]:
         return raw
     least, most = int(raw.min()), int(raw.max())
     if least < -(2 ** (bits - 1)) or most >= 2**bits:
-        raise ParameterRangeError("samples", f"{least} to {most}", f"numbers of {bits} bits")
+        raise ParameterRangeError(
+            "samples", f"{least} to {most}", f"numbers of {bits} bits", "correct the bits in the description (adcCfg)"
+        )
     unused = 16 - bits
     return (raw << unused) >> unused
