@@ -125,6 +125,9 @@ def test_noise_goes_by_the_name_of_the_drive_or_of_its_file(tmp_path) -> None:
     assert scenario_of(str(path)).noise_name == read.with_(seed=2).noise_name == "my_drive"
     assert read.with_(name="x").noise_name == "x" and read.with_(name="x", noise_of="y").noise_name == "y"
     assert ScenarioSpec(scene="tunnel").noise_name == "tunnel"
+    for saved, noise in ((read, "rain"), (read.with_(noise_of=read.noise_name), "my_drive")):
+        saved.save(tmp_path / "rain.yaml")
+        assert ScenarioSpec.load(tmp_path / "rain.yaml").noise_name == noise
 
 
 def test_python_and_yaml_say_the_same_in_the_same_bytes(tmp_path) -> None:
