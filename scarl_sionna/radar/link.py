@@ -71,6 +71,15 @@ def strongest_amplitude(
     -------
     ndarray of float64, shape (num_paths,)
         [sqrt(W)].
+
+    Notes
+    -----
+    The bilinear form of the fields sent and heard, at its largest over those that are free; see
+    :func:`.pair_fields.strongest`.
+
+    References
+    ----------
+    .. [1] G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th ed., 2013, section 2.4.
     """
     array = radar.array
     if not array.is_uniform:

@@ -123,7 +123,7 @@ def _beam_texture(path: Path, mi: ModuleType) -> None:
 
 
 def unit_color(lamp: str) -> Array:
-    """Return the linear RGB of a kind of lamp, of luminance 1."""
+    """Return the linear RGB of a kind of lamp, shape (3,), of luminance 1 by the weights of ITU-R BT.709."""
     color = np.array(_COLORS[lamp])
     return color / (LUMINANCE_WEIGHTS @ color)
 
