@@ -204,7 +204,7 @@ def test_run_writes_frames_that_are_what_observe_gives(world, scene_path, tmp_pa
     assert (summary.num_written, summary.num_kept) == (2, 0)
     assert summary.contact_sheet.stat().st_size > 10_000
     stored = open_dataset(tmp_path / "out")[1].to_frame()
-    direct = observe(world, RIG, 0.1, seed=3)
+    direct = observe(world.with_noise_of(scenario.noise_name), RIG, 0.1, seed=3)
     assert_same(stored.results["front/lidar"], direct.results["front/lidar"])
     assert stored.radars["front/radar"].adc.tobytes() == direct.radars["front/radar"].adc.tobytes()
 
