@@ -17,7 +17,6 @@ from scarl_sionna.core.arrays.rows import row_norm
 
 from .near_field import Elsewhere, NearField, radiated_elsewhere
 from .spherical_waves import ImageTubes
-from .viewpoint import Viewpoint
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -139,9 +138,7 @@ def _over_time(
         changes.append(change / np.maximum(np.abs(change) / MOST, 1.0))
     middle, end = changes
     terms = np.stack([(4.0 * middle - end) / duration, (2.0 * end - 4.0 * middle) / duration**2], axis=1)
-    for number, (field, some) in enumerate(zip(fields, rows, strict=True)):
-        field["over_time"] = np.zeros((len(field["a"]), 2), dtype=np.complex128)
-        field["over_time"][some] = terms[patches.pair == number]
+    _put("over_time", terms, fields, rows, patches.pair)
 
 
 def _turning(near: NearField, field: Columns) -> Index:
@@ -170,20 +167,21 @@ def _over_arrays(
         slope = np.empty((len(patches.pair), 3, 2, 2), dtype=np.complex128)
         arm = 0.5 * near[0].arm
         for axis in range(3):
-            step = np.array([arm * _axes(getattr(one, end))[:, axis] for one in near])[patches.pair]
+            step = np.array([arm * getattr(one, end).pose.rotation[:, axis] for one in near])[patches.pair]
             ends = [((shift, still) if end == "tx" else (still, shift)) for shift in (step, -step)]
             slope[:, axis] = (patches.transfer(*ends[0]) - patches.transfer(*ends[1])) / (2.0 * arm)
         slopes.append(slope)
     if same_way:  # both ends were moved at once: reciprocity has half of it for each
         slopes = [0.5 * slopes[0], 0.5 * slopes[0]]
+    for name, slope in zip(("tx_slope", "rx_slope"), slopes, strict=True):
+        _put(name, slope, fields, rows, patches.pair)
+
+
+def _put(name: str, values: Complex, fields: Sequence[Columns], rows: Sequence[Index], pair: Index) -> None:
+    """Add a column to the fields of pairs of stations: the values of their rows, 0 in all others."""
     for number, (field, some) in enumerate(zip(fields, rows, strict=True)):
-        for name, slope in zip(("tx_slope", "rx_slope"), slopes, strict=True):
-            field[name] = np.zeros((len(field["a"]), 3, 2, 2), dtype=np.complex128)
-            field[name][some] = slope[patches.pair == number]
-
-
-def _axes(station: Viewpoint) -> Array:
-    return station.pose.rotation
+        field[name] = np.zeros((len(field["a"]), *values.shape[1:]), dtype=np.complex128)
+        field[name][some] = values[pair == number]
 
 
 def _beside(near: NearField, field: Columns) -> Index:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 def warn_of_curves(bodies: Bodies, columns: Columns) -> None:
     """Warn once of bodies in view that are drawn with too few faces for a curve, or with too uneven ones."""
+    if not (bodies.coarse or bodies.uneven):
+        return
     in_view = set(np.unique(columns["instance"]).tolist())
     names = bodies.state.world.instances
     coarse = {number: count for number, count in bodies.coarse.items() if number in in_view}
