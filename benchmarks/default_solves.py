@@ -13,7 +13,6 @@ are known the table says what error 90 % of the objects keep that are 10 dB over
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 import warnings
@@ -24,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import scarl_sionna as ss
 from benchmarks.harness import ANY_COST, machine, write_block
+from benchmarks.row_files import append_rows, read_rows
 from benchmarks.street_scenes import PLACES
 from benchmarks.whole_street_figures import kept
 from benchmarks.whole_streets import RADAR, UNLIMITED, echoes
@@ -46,8 +46,7 @@ def solved(place: str, when: float, **settings: Any) -> tuple[RadarPaths, dict[s
 
 def known_references() -> dict[tuple[str, float], dict[str, float]]:
     """Return the echoes of the references, by place and time."""
-    lines = REFERENCES.read_text().splitlines() if REFERENCES.exists() else []
-    return {(line["place"], line["time"]): line["echo_db"] for line in map(json.loads, lines)}
+    return {(line["place"], line["time"]): line["echo_db"] for line in read_rows(REFERENCES)}
 
 
 def add_reference(place: str, when: float) -> None:
@@ -55,8 +54,7 @@ def add_reference(place: str, when: float) -> None:
     paths, found, cpu = solved(place, when, channel_tolerance_db=1.0, tube_budget=UNLIMITED, **ANY_COST)
     echo = {name: round(level, 2) for name, level in found.items() if level > -100.0}
     line = {"place": place, "time": when, "cpu": round(cpu), "met": paths.diagnostics["met"], "echo_db": echo}
-    with REFERENCES.open("a") as file:
-        file.write(json.dumps(line) + "\n")
+    append_rows(REFERENCES, line)
 
 
 def error_of(found: dict[str, float], reference: dict[str, float]) -> str:

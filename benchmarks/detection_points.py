@@ -10,7 +10,6 @@ compared on one set of points; here every option makes points of its own.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 import warnings
@@ -25,6 +24,7 @@ import scarl_sionna as ss
 from benchmarks.detection import GROUPS, RADAR, STRONG_DB, boxes_of, frames, objects_of, observed
 from benchmarks.detection_tables import FALSE_BELOW, Stored
 from benchmarks.harness import machine, write_block
+from benchmarks.row_files import append_rows, read_rows
 
 RESULTS = Path("docs/figures/data/detection_points.jsonl")
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -97,13 +97,12 @@ def main() -> None:
     parser.add_argument("--write", type=Path, metavar="PAGE")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
-    lines = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.exists() else []
+    lines = read_rows(RESULTS)
     if arguments.what == "frames":
         known = {(line["place"], line["frame"]) for line in lines}
         for place, number in frames():
             if (place, number) not in known:
-                with RESULTS.open("a") as file:
-                    file.writelines(json.dumps(line) + "\n" for line in lines_of(place, number))
+                append_rows(RESULTS, *lines_of(place, number))
         return
     text = block(lines)
     print(text)

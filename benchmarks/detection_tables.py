@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -24,6 +23,7 @@ from benchmarks.detection import (
     group_of,
 )
 from benchmarks.harness import machine, write_block
+from benchmarks.row_files import read_rows, write_rows
 
 NOMINAL = int(np.argmin(np.abs(LOG_PFA + 6.0)))
 FALSE_BELOW = 0.5
@@ -196,8 +196,8 @@ def write_tables(page: Path | None) -> None:
     stored = [Stored.read(path) for path in paths if path.exists()]
     if stored:
         lines = [{**compare(stored, name), "machine": machine()} for name in stored[0].rates]
-        RESULTS.write_text("".join(json.dumps(line) + "\n" for line in lines))
-    text = block([json.loads(line) for line in RESULTS.read_text().splitlines()])
+        write_rows(RESULTS, lines)
+    text = block(read_rows(RESULTS))
     if page is None:
         print(text)
     else:

@@ -12,7 +12,6 @@ the expected one (docs/accuracy.md, expected error).
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 import warnings
@@ -26,13 +25,14 @@ from scipy.optimize import minimize
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.harness import machine
+from benchmarks.row_files import append_rows, read_rows
 from benchmarks.street_scenes import problem
 from benchmarks.whole_streets import FINEST, RADAR, by_plan, echoes, name_of, reference, widest_plan
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO, ErrorEstimate
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
 from scarl_sionna.radar.channel.compose.expected_error import expected_errors, levels_db, reverse_doubts
 
-RESULTS = Path("docs/figures/data/expected_errors.jsonl")
+RESULTS = Path("docs/figures/data/expected_errors.jsonl.xz")
 LEVELS = {f"{level.tolerance_db:g} dB": level for level in DEFAULT_AUTO.levels[:3]}
 LOOKS = (("3 dB", None), ("3 dB", "6 dB"), ("1 dB", None), ("1 dB", "3 dB"))
 LEAST_DB = 0.01
@@ -136,7 +136,7 @@ def main() -> None:
     parser.add_argument("--report", action="store_true", help="only the tables")
     parser.add_argument("--out", type=Path, default=RESULTS)
     arguments = parser.parse_args()
-    lines = [json.loads(line) for line in arguments.out.read_text().splitlines()] if arguments.out.exists() else []
+    lines = read_rows(arguments.out)
     if not arguments.report and arguments.kind is None:
         parser.error("say field or street, or --report")
     done = {(line["kind"], line["seed"]) for line in lines}
@@ -146,8 +146,7 @@ def main() -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             lines.append({**solve(arguments.kind, seed, arguments.reach), "machine": machine()})
-        with arguments.out.open("a") as file:
-            file.write(json.dumps(lines[-1]) + "\n")
+        append_rows(arguments.out, lines[-1])
     print(report(lines))
 
 

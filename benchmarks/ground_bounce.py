@@ -11,7 +11,6 @@ without a ground, between the radar and its images, with Fresnel's coefficient o
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
 import time
@@ -25,6 +24,7 @@ import trimesh
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import scarl_sionna as ss
+from benchmarks.row_files import append_rows, read_rows
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.engine.world import WorldState
 from scarl_sionna.radar.channel import solve_paths
@@ -137,7 +137,7 @@ def write(picture: Path) -> None:
     """Draw the figure and print the table."""
     import matplotlib.pyplot as plt
 
-    lines = sorted(map(json.loads, RESULTS.read_text().splitlines()), key=lambda one: one["number"])
+    lines = sorted(read_rows(RESULTS), key=lambda one: one["number"])
     figure, axes = plt.subplots(2, 2, figsize=(10.0, 5.5), sharex=True, height_ratios=(2, 1), layout="constrained")
     print("| body | tolerance | largest error | 90 % of the distances | road a mirror at | CPU, median |")
     print("|---|---|---|---|---|---|")
@@ -178,8 +178,7 @@ def main() -> None:
         return
     for number in range(*map(int, arguments.numbers.split(":"))):
         found = line(arguments.kind, number)
-        with RESULTS.open("a") as file:
-            file.write(json.dumps(found) + "\n")
+        append_rows(RESULTS, found)
         errors = [round(error_db(one["power"], found["exact"], found["free"]), 3) for one in found["auto"].values()]
         print(f"{found['distance']:.2f} m", errors, flush=True)
 

@@ -19,7 +19,6 @@ that of 0.3 dB, which says what the scene itself does.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 import warnings
@@ -35,6 +34,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import scarl_sionna as ss
 from benchmarks.harness import ANY_COST, machine, write_block
+from benchmarks.row_files import append_rows, read_rows
 from benchmarks.street_scenes import PLACES, Street, street
 from benchmarks.whole_streets import RADAR, UNLIMITED, echoes
 from scarl_sionna.core.mount import Mount
@@ -278,14 +278,13 @@ def main() -> None:
     parser.add_argument("--write", type=Path, metavar="PAGE")
     arguments = parser.parse_args()
     if arguments.write is not None:
-        lines = [json.loads(line) for line in arguments.out.read_text().splitlines()]
+        lines = read_rows(arguments.out)
         write_block(arguments.write, "jumps", report(lines))
         return
     warnings.simplefilter("ignore")
     for seed in range(*map(int, arguments.seeds.split(":"))):
         line = {**solve(seed, arguments.budget, arguments.reach), "machine": machine()}
-        with arguments.out.open("a") as file:
-            file.write(json.dumps(line) + "\n")
+        append_rows(arguments.out, line)
         print(report([line]).splitlines()[-2:], flush=True)
 
 

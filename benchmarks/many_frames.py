@@ -12,7 +12,6 @@ from its seed; `FRAMES` consecutive ones share a world.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 import traceback
@@ -26,6 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import scarl_sionna as ss
+from benchmarks.row_files import append_rows, read_rows
 from benchmarks.street_scenes import PLACES
 from benchmarks.whole_streets import echoes
 from scarl_sionna.core.errors import PlacementError
@@ -168,7 +168,7 @@ def what_failed(line: dict[str, Any]) -> str | None:
 
 def report(file: Path) -> str:
     """Return what happened."""
-    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    lines = read_rows(file)
     failed = [(line["seed"], why) for line in lines if (why := what_failed(line)) is not None]
     cpu = [line["cpu"] for line in lines]
     most = max((line["over_bound_db"] for line in lines if "paths" in line), default=-300.0)
@@ -193,14 +193,12 @@ def main() -> None:
         print(report(arguments.report))
         return
     warnings.simplefilter("ignore")
-    lines = arguments.out.read_text().splitlines() if arguments.out.exists() else []
-    done = {json.loads(line)["seed"] for line in lines}
+    done = {line["seed"] for line in read_rows(arguments.out)}
     for seed in range(*map(int, arguments.seeds.split(":"))):
         if seed in done:
             continue
         line = solve(problem(seed))
-        with arguments.out.open("a") as file:
-            file.write(json.dumps(line) + "\n")
+        append_rows(arguments.out, line)
         if (why := what_failed(line)) is not None:
             print(seed, line["source"], why, flush=True)
 

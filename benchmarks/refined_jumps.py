@@ -12,7 +12,6 @@ by from the coarser one of the same frame: the jump.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 import warnings
@@ -26,6 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.harness import machine
 from benchmarks.jumps import COUNTED_DB, STEPS, At, ahead, moves
+from benchmarks.row_files import append_rows
 from benchmarks.street_scenes import problem
 from benchmarks.whole_streets import RADAR, UNLIMITED, echoes
 from scarl_sionna.radar.channel import solve_paths
@@ -114,8 +114,7 @@ def main() -> None:
     warnings.simplefilter("ignore")
     for seed in range(*map(int, arguments.seeds.split(":"))):
         line = {**solve(arguments.kind, seed, arguments.reach), "machine": machine()}
-        with arguments.out.open("a") as file:
-            file.write(json.dumps(line) + "\n")
+        append_rows(arguments.out, line)
         for name, move in line["moves"].items():
             found = [jump["jump_db"] for jump in move["jumps"]]
             most = max(found, default=0.0)

@@ -12,7 +12,6 @@ setting and is at least as good lies on it or below.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -25,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.accuracy import STYLE
 from benchmarks.harness import ANY_COST, machine, write_block
+from benchmarks.row_files import append_rows, read_rows
 from benchmarks.street_scenes import Street, street
 from benchmarks.whole_street_figures import kept
 from benchmarks.whole_streets import PLAIN, RADAR, UNLIMITED, by_plan, reference, row_of, timed, widest_plan
@@ -145,7 +145,7 @@ def main() -> None:
     parser.add_argument("--write", type=Path, metavar="PAGE")
     arguments = parser.parse_args()
     if arguments.write is not None:
-        lines = [json.loads(line) for line in arguments.out.read_text(encoding="utf-8").splitlines()]
+        lines = read_rows(arguments.out)
         draw(lines, arguments.write.parent / "figures" / "accuracy_places.webp")
         write_block(arguments.write, "places", report(lines))
         return
@@ -153,8 +153,7 @@ def main() -> None:
     for text in arguments.places:
         seed, reach = text.split(":")
         line = solve(int(seed), float(reach))
-        with arguments.out.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(line) + "\n")
+        append_rows(arguments.out, line)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ budget; only the knobs differ. Problems and references as in `whole_streets.py`.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 import warnings
@@ -23,14 +22,15 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.harness import machine, write_block
+from benchmarks.row_files import read_rows, write_rows
 from benchmarks.street_scenes import problem
 from benchmarks.whole_streets import FINEST, PLAIN, by_plan, echoes, name_of, reference, widest_plan
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
 
-RESULTS = Path("docs/figures/data/street_levels.jsonl")
-OF_FIELDS = Path("docs/figures/data/field_levels.jsonl")
+RESULTS = Path("docs/figures/data/street_levels.jsonl.xz")
+OF_FIELDS = Path("docs/figures/data/field_levels.jsonl.xz")
 ROUGH, COARSE, MIDDLE = DEFAULT_AUTO.levels[:3]
 BEFORE = COARSE.with_(max_phase=3.0, integration_phase=0.2, return_angle=0.8)
 LEVELS = {
@@ -121,11 +121,11 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.write is not None:
         for kind, block, results in (("street", "street levels", RESULTS), ("field", "field levels", OF_FIELDS)):
-            write_block(arguments.write, block, table(kind, sorted(_lines(results), key=lambda line: line["seed"])))
+            write_block(arguments.write, block, table(kind, sorted(read_rows(results), key=lambda line: line["seed"])))
         return
     kind = "field" if arguments.fields else "street"
     results = arguments.out or (OF_FIELDS if arguments.fields else RESULTS)
-    lines = _lines(results)
+    lines = read_rows(results)
     warnings.simplefilter("ignore")
     for seed in range(*map(int, arguments.seeds.split(":"))):
         old = next((line for line in lines if line["seed"] == seed), None)
@@ -133,13 +133,8 @@ def main() -> None:
             continue
         line = {**solve(kind, seed, old), "machine": machine()}
         lines = [one for one in lines if one["seed"] != seed] + [line]
-        text = "".join(json.dumps(one) + "\n" for one in sorted(lines, key=lambda one: one["seed"]))
-        results.write_text(text)
+        write_rows(results, sorted(lines, key=lambda one: one["seed"]))
         print(line["name"], f"reference {line['reference_cpu']:.0f} s", flush=True)
-
-
-def _lines(path: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import write_block
+from benchmarks.row_files import read_rows
 
 KINDS = {
     "field": "random fields of bodies",
@@ -31,7 +31,7 @@ def kept(row: dict[str, Any]) -> float:
 
 def write(page: Path, results: Path) -> None:
     """Draw the chart and renew the marked block of a page."""
-    lines = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
+    lines = read_rows(results)
     draw(lines, page.parent / "figures" / "accuracy_streets.webp")
     write_block(page, "streets", report(lines))
 

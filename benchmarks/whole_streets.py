@@ -16,7 +16,6 @@ Counted are objects whose echo in the reference is 10 dB over the noise of a cel
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 import warnings
@@ -31,6 +30,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import scarl_sionna as ss
 from benchmarks.harness import ANY_COST, machine
+from benchmarks.row_files import append_rows, read_rows
 from benchmarks.street_scenes import Street, problem
 from benchmarks.whole_street_figures import WHOLE, kept, write
 from scarl_sionna.core.settings.sbr import SbrSettings
@@ -40,7 +40,7 @@ from scarl_sionna.radar.channel.compose.expected_error import mean_power, owners
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
-RESULTS = Path("docs/figures/data/whole_streets.jsonl")
+RESULTS = Path("docs/figures/data/whole_streets.jsonl.xz")
 RADAR = ss.RadarSpec()
 REFERENCES = {
     "field": Path("docs/figures/data/field_references.jsonl"),
@@ -141,8 +141,7 @@ def reference(
     kind: str, seed: int, street: Street, plan: ChannelPlan, coherent: list[int]
 ) -> tuple[dict[str, float], float]:
     """Return the echo of each object 10 dB over the noise [dB], and the processor time that it took [s]."""
-    known = REFERENCES[kind].read_text().splitlines() if REFERENCES[kind].exists() else []
-    for line in map(json.loads, known):
+    for line in read_rows(REFERENCES[kind]):
         if (line["seed"], line["name"], line.get("reach", REACH[kind])) == (seed, street.name, street.reach):
             return line["level_db"], line["reference_cpu"]
     start = time.process_time()
@@ -152,8 +151,7 @@ def reference(
     level = {name_of(street, n): round(level, 2) for n, level in truth.items() if level > 10.0}
     line = {"seed": seed, "name": street.name, "reach": street.reach, "reference_cpu": seconds}
     line |= {"level_db": level, "machine": machine()}
-    with REFERENCES[kind].open("a") as file:
-        file.write(json.dumps(line) + "\n")
+    append_rows(REFERENCES[kind], line)
     return level, seconds
 
 
@@ -211,16 +209,15 @@ def main() -> None:
         write(arguments.write, arguments.out)
         return
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    lines = arguments.out.read_text().splitlines() if arguments.out.exists() else []
-    done = {(line["kind"], line["seed"], line.get("reach", REACH[line["kind"]])) for line in map(json.loads, lines)}
+    lines = read_rows(arguments.out)
+    done = {(line["kind"], line["seed"], line.get("reach", REACH[line["kind"]])) for line in lines}
     first, last = map(int, arguments.seeds.split(":"))
     for seed in range(first, last):
         if (arguments.kind, seed, arguments.reach or REACH[arguments.kind]) in done:
             continue
         found_line = solve(arguments.kind, seed, arguments.tolerances, arguments.reach, arguments.auto_only)
         line = {**found_line, "machine": machine()}
-        with arguments.out.open("a") as file:
-            file.write(json.dumps(line) + "\n")
+        append_rows(arguments.out, line)
         found = {name: f"{kept(row):.2f} dB {row['cpu']:.1f} s" for name, row in line["methods"].items()}
         print(line["name"], f"reference {line['reference_cpu']:.0f} s", found, flush=True)
 

@@ -18,6 +18,7 @@ from typing import Any, Literal
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.harness import machine
+from benchmarks.row_files import read_rows
 from benchmarks.validation.sources import SOURCES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -97,9 +98,8 @@ def share(value: float) -> dict[str, Any]:
 
 def read() -> list[dict[str, Any]]:
     """Return all lines of the file: rows, and one of each theme that says what it cost."""
-    lines = RESULTS.read_text(encoding="utf-8").splitlines() if RESULTS.exists() else []
     found, texts = [], []
-    for line in map(json.loads, lines):
+    for line in read_rows(RESULTS):
         texts = line.pop("texts", texts)
         line = {key: texts[value] if key in TEXTS else value for key, value in line.items()}
         found.append(line if "cpu_s" in line else {**DEFAULTS, **line})

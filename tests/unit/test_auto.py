@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmarks.row_files import read_rows
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
@@ -33,7 +34,7 @@ SETTINGS = RadarSettings(raycast={"num_rays": 100_000}, accuracy=Accuracy(tube_b
 COARSEST = Accuracy(channel_tolerance_db=6.0)
 """No level of `sbr` is coarser: what the budget does not pay for is left out."""
 POSE = Pose([0.0, 0.0, 0.6])
-MEASURED = Path(__file__).parents[2] / "docs/figures/data/whole_streets.jsonl"
+MEASURED = Path(__file__).parents[2] / "docs/figures/data/whole_streets.jsonl.xz"
 MATERIALS = {"asphalt": Material(radio="asphalt"), "leaf": Material(radio="foliage")}
 
 
@@ -378,7 +379,7 @@ def test_the_plan_says_what_it_expects_and_the_paths_whether_it_is_met(state, pa
 
 def test_the_error_of_a_class_is_what_most_objects_keep() -> None:
     """Against all objects that `raycast` was measured with, by the references of whole streets and fields."""
-    lines = [json.loads(line) for line in MEASURED.read_text().splitlines()]
+    lines = read_rows(MEASURED)
     rows = [line["methods"]["raycast"]["error_db"] for line in lines if "raycast" in line["methods"]]
     errors = np.abs([error for row in rows for error in row.values()])
     assert len(errors) > 1_500
