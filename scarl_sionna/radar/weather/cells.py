@@ -8,7 +8,7 @@ kernels of a lattice add up to a constant (Parseval), whatever the window.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,8 @@ MOST_PARTS = 8
 """Of a velocity cell, where the frame is so short that turbulence spreads less than two of them."""
 CANDIDATES = 8
 """Directions out of which one is drawn that goes with a cell's velocity."""
+BLOCK = 1 << 20
+"""Cells and bins of spectra that are computed at once."""
 ROWS_PER_OCTAVE = 8
 """Rows of the lattice in a doubling of the range at least, near the radar, where the mean falls within a cell."""
 
@@ -73,10 +75,6 @@ class Rows:
 
     distance: Array
     strength: Array
-
-    def select(self, chosen: Index) -> Rows:
-        """Return some of the rows."""
-        return Rows(self.distance[chosen], self.strength[chosen])
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,116 +154,201 @@ def gaussian_cells(
     random for each row and direction: the power of a cell stays even, and the correlation over antennas and chirps is
     right up to the whole array and frame.
     """
-    steps = direction_steps(radar)
     parts = min(np.ceil(radar.velocity_resolution / max(2.0 * scatter.spread, 1e-9)), MOST_PARTS)
     step = radar.velocity_resolution / max(parts, 1.0)
-    found: list[tuple[npt.NDArray[Any], ...]] = []
-    offset = rng.random(2)
-    for parity in (0, 1):
-        lattice = np.array(offset + 0.5 * parity)
-        cell = np.stack(
-            [
-                np.floor(scatter.direction[:, axis + 1] / steps[axis] - lattice[axis])
-                if np.isfinite(steps[axis])
-                else np.zeros(len(scatter.weight))
-                for axis in (0, 1)
-            ]
-            + [scatter.direction[:, 0] < 0.0],
-            axis=1,
-        )
-        chosen = np.arange(parity, len(rows.distance), 2)
-        order = np.lexsort(cell.T)
-        changes = np.flatnonzero(np.any(np.diff(cell[order], axis=0) != 0, axis=1)) + 1
-        for members in np.split(order, changes) if len(chosen) and len(order) else []:
-            row, member, velocity, power = _one_direction(scatter, members, rows.select(chosen), step, weakest, rng)
-            middle = [(cell[members[0], axis] + lattice[axis] + 0.5) * steps[axis] for axis in (0, 1)]
-            found.append((chosen[row], member, velocity, power, *(np.full(len(row), value) for value in middle)))
+    lattice = _lattice(scatter, rows.distance, direction_steps(radar), step, rng)
+    found = [_kept(scatter, lattice, levels, rows, weakest, rng) for levels in lattice.blocks()]
     if not found:
         return Cells(np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros(0))
-    row, member, velocity, power, y, z = (np.concatenate(column) for column in zip(*found, strict=True))
+    level, row, velocity, power = (np.concatenate(column) for column in zip(*found, strict=True))
     kept, power = thinned(power, most, rng)
-    direction = _on_lattice(scatter.direction[member[kept]], y[kept], z[kept])
-    return Cells(rows.distance[row[kept]], velocity[kept], direction, power)
-
-
-def _one_direction(
-    scatter: Scatter, members: Index, rows: Rows, step: float, weakest: float, rng: np.random.Generator
-) -> tuple[Index, Index, Array, Array]:
-    """Return row, one of the `members` [direction], velocity and power of the cells of one direction that are kept."""
-    count = len(rows.distance)
-    seen = np.searchsorted(rows.distance, scatter.free[members])  # rows before the first surface
-    order = np.argsort(-seen, kind="stable")
-    members, seen = members[order], seen[order]
-    number = np.searchsorted(-seen, -np.arange(count), side="left")  # members that are free at each row
-    weight = np.concatenate([[0.0], np.cumsum(scatter.weight[members])])
-    cumulated, lowest = _spectra(scatter, members, seen, count, step / FINE)
-    shift = rng.random(count) * FINE
-    last = cumulated.shape[1] - 1
-    middle = shift[:, None] + FINE * (np.arange(last // FINE + 3) - 0.5)
-    half = FINE / 2.0 if scatter.spread < step / 2.0 else 0.5  # a narrow spectrum would fall between the points
-    mean = _at(cumulated, middle + half) - _at(cumulated, middle - half)
-    mean *= rows.strength[:, None] * (FINE / (2.0 * half))
-    chance = np.minimum(mean / weakest, 1.0)
-    row, column = np.nonzero(rng.random(mean.shape) < chance)
-    velocity = lowest + step / FINE * middle[row, column]
-    free = _Free(members, weight, number)
-    return row, _drawn(scatter, free, row, velocity, step, rng), velocity, mean[row, column] / chance[row, column]
+    level, velocity = level[kept], velocity[kept]
+    member = _drawn(scatter, lattice, level, velocity, rng)
+    direction = _on_lattice(scatter.direction[member], *lattice.middle[lattice.owner[level]].T)
+    return Cells(rows.distance[row[kept]], velocity, direction, power)
 
 
 @dataclass(frozen=True, eq=False)
-class _Free:
-    """Directions from that which is free farthest on, their cumulated weights, how many are free at each row."""
+class _Lattice:
+    """Directions sorted by the direction of a lattice that they belong to, in each from the one that is free farthest.
 
-    members: Index
+    What is free of one direction of a lattice is the same in several rows, which are a level.
+
+    Attributes
+    ----------
+    member : ndarray of intp, shape (num_members,)
+        Directions, each once in the lattice of even rows and once in that of odd ones.
+    share, cumulated : ndarray of float64, shape (num_members,) and (num_members + 1,)
+        Of the weight of the direction of the lattice.
+    first : ndarray of intp, shape (num_lattice,)
+        First member of each direction of the lattices.
+    weight : ndarray of float64, shape (num_lattice,)
+        Its two-way gain times solid angle [sr].
+    middle : ndarray of float64, shape (num_lattice, 2)
+        Its y and z component, infinite where they are not resolved.
+    parity : ndarray of intp, shape (num_lattice,)
+        0 for even rows, 1 for odd ones.
+    lowest : ndarray of float64, shape (num_lattice,)
+        Lowest mean radial velocity [m/s].
+    width : ndarray of intp, shape (num_lattice,)
+        Bins of the spectrum without turbulence.
+    owner : ndarray of intp, shape (num_levels,)
+        Direction of a lattice, by level.
+    stop : ndarray of intp, shape (num_levels,)
+        Free are its members before this one.
+    nearest, farthest : ndarray of intp, shape (num_levels,)
+        Rows of the lattice, the last not included.
+    step : float
+        Cell of velocity [m/s].
+    tail : int
+        Bins that turbulence adds at each end of a spectrum.
+    """
+
+    member: Index
+    share: Array
+    cumulated: Array
+    first: Index
     weight: Array
-    number: Index
+    middle: Array
+    parity: Index
+    lowest: Array
+    width: Index
+    owner: Index
+    stop: Index
+    nearest: Index
+    farthest: Index
+    step: float
+    tail: int
+
+    def blocks(self) -> list[slice]:
+        """Return runs of levels, whole directions of a lattice, of about `BLOCK` cells and bins each."""
+        edges = (self.width + 2 * self.tail + 1)[self.owner]
+        size = np.cumsum((self.farthest - self.nearest) * (edges // FINE + 3) + 2 * edges)
+        starts = np.flatnonzero(np.diff(self.owner, prepend=-1))
+        starts = starts[np.flatnonzero(np.diff(size[starts] // BLOCK, prepend=-1))]
+        return [slice(*ends) for ends in pairwise([*starts.tolist(), len(self.owner)])]
 
 
-def _drawn(scatter: Scatter, free: _Free, row: Index, velocity: Array, step: float, rng: np.random.Generator) -> Index:
+def _lattice(
+    scatter: Scatter, distance: Array, steps: tuple[float, float], step: float, rng: np.random.Generator
+) -> _Lattice:
+    """Return lattices of directions, `steps` apart at a random place, for rows at a `distance` [m]."""
+    place = rng.random(2) + np.array([[0.0], [0.5]])
+    is_resolved = np.isfinite(steps)
+    both = np.zeros((2, len(scatter.weight), 4))
+    both[..., :2] = np.where(is_resolved, np.floor(scatter.direction[:, 1:] / steps - place[:, None]), 0.0)
+    both[..., 2] = scatter.direction[:, 0] < 0.0
+    both[1, :, 3] = 1.0
+    row = np.concatenate([np.searchsorted(distance[parity::2], scatter.free) for parity in (0, 1)])
+    cell = both.reshape(-1, 4)
+    order = np.lexsort((-row, *cell.T))
+    order = order[row[order] > 0]  # rows before the first surface
+    cell, row, member = cell[order], row[order], order % max(len(scatter.weight), 1)
+    is_first = np.any(np.diff(cell, axis=0, prepend=np.nan) != 0.0, axis=1)
+    first, begin = np.flatnonzero(is_first), np.flatnonzero(is_first | (np.diff(row, prepend=-1) != 0))
+    of = np.cumsum(is_first) - 1
+    weight = np.add.reduceat(scatter.weight[member], first)
+    share = scatter.weight[member] / weight[of]
+    values = scatter.velocity[member]
+    lowest, highest = np.minimum.reduceat(values.min(axis=1), first), np.maximum.reduceat(values.max(axis=1), first)
+    parity = cell[first, 3].astype(np.intp)
+    is_last = np.diff(of[begin], append=-1) != 0
+    return _Lattice(
+        member=member,
+        share=share,
+        cumulated=np.concatenate([[0.0], np.cumsum(share)]),
+        first=first,
+        weight=weight,
+        middle=(cell[first, :2] + place[parity] + 0.5) * steps,
+        parity=parity,
+        lowest=lowest,
+        width=((highest - lowest) / (step / FINE)).astype(np.intp) + 1,
+        owner=of[begin],
+        stop=np.append(begin[1:], len(member)),
+        nearest=np.where(is_last, 0, np.append(row[begin][1:], 0)),
+        farthest=row[begin],
+        step=step,
+        tail=int(np.ceil(TAIL * scatter.spread / (step / FINE))),
+    )
+
+
+def _kept(
+    scatter: Scatter, lattice: _Lattice, levels: slice, rows: Rows, weakest: float, rng: np.random.Generator
+) -> tuple[Index, Index, Array, Array]:
+    """Return level, row, velocity and power of the cells of some levels that are kept.
+
+    One random number decides of each cell, first by the strongest that any cell of its row may be: few are computed.
+    """
+    cumulated = _spectra(scatter, lattice, levels)
+    last = cumulated.shape[1] - 1
+    half = FINE / 2.0 if scatter.spread < lattice.step / 2.0 else 0.5  # a narrow spectrum would fall between the points
+    edge = np.arange(last)
+    peak = (cumulated[:, np.minimum(edge + round(2.0 * half), last)] - cumulated[:, edge]).max(axis=1)
+    owner = lattice.owner[levels]
+    counts = lattice.farthest[levels] - lattice.nearest[levels]
+    level = np.repeat(np.arange(len(owner)), counts)
+    row = np.arange(len(level)) - np.repeat(np.cumsum(counts) - lattice.farthest[levels], counts)
+    row = 2 * row + lattice.parity[owner[level]]
+    shift = rng.random(len(row)) * FINE
+    scale = rows.strength[row] * lattice.weight[owner[level]] * (FINE / (2.0 * half) / weakest)
+    draw = rng.random((len(row), last // FINE + 3))
+    chosen, column = np.nonzero(draw < (scale * peak[level])[:, None])
+    middle = shift[chosen] + FINE * (column - 0.5)
+    chance = scale[chosen] * (
+        _at(cumulated, level[chosen], middle + half) - _at(cumulated, level[chosen], middle - half)
+    )
+    kept = draw[chosen, column] < chance
+    chosen, middle, chance = chosen[kept], middle[kept], chance[kept]
+    level = level[chosen]
+    lowest = lattice.lowest[owner[level]] - lattice.tail * (lattice.step / FINE)
+    velocity = lowest + lattice.step / FINE * middle
+    return level + levels.start, row[chosen], velocity, weakest * np.maximum(chance, 1.0)
+
+
+def _drawn(scatter: Scatter, lattice: _Lattice, level: Index, velocity: Array, rng: np.random.Generator) -> Index:
     """Return a direction for each cell, free there, drawn by its weight and how well it goes with the velocity."""
-    shots = rng.random((len(row), CANDIDATES)) * free.weight[free.number[row]][:, None]
-    member = np.searchsorted(free.weight, shots, side="right") - 1
-    member = free.members[np.minimum(member, free.number[row][:, None] - 1)]
+    first, stop = lattice.first[lattice.owner[level]][:, None], lattice.stop[level][:, None]
+    low, high = lattice.cumulated[first], lattice.cumulated[stop]
+    shots = low + rng.random((len(level), CANDIDATES)) * (high - low)
+    place = np.searchsorted(lattice.cumulated, shots, side="right") - 1
+    member = lattice.member[np.clip(place, first, stop - 1)]
     kind = np.searchsorted(np.cumsum(scatter.share)[:-1], rng.random(member.shape), side="right")
-    apart = (velocity[:, None] - scatter.velocity[member, kind]) / max(scatter.spread, step / 2.0)
+    apart = (velocity[:, None] - scatter.velocity[member, kind]) / max(scatter.spread, lattice.step / 2.0)
     apart = apart**2
     fit = np.cumsum(np.exp(-0.5 * (apart - apart.min(axis=1, keepdims=True, initial=np.inf))), axis=1)
-    one = np.sum(fit < rng.random((len(row), 1)) * fit[:, -1:], axis=1)
-    return np.asarray(member[np.arange(len(row)), one], dtype=np.intp)
+    one = np.sum(fit < rng.random((len(level), 1)) * fit[:, -1:], axis=1)
+    return np.asarray(member[np.arange(len(level)), one], dtype=np.intp)
 
 
-def _at(cumulated: Array, place: Array) -> Array:
-    """Return cumulated spectra at places between their edges, linear; a row of places each, or the same spectrum."""
+def _at(cumulated: Array, level: Index, place: Array) -> Array:
+    """Return cumulated spectra of levels at places between their edges, linear."""
     last = cumulated.shape[1] - 1
     place = np.clip(place, 0.0, last)
     low = np.minimum(place.astype(np.intp), last - 1)
-    line = np.minimum(np.arange(len(place)), len(cumulated) - 1)[:, None]
-    start = cumulated[line, low]
-    return np.asarray(start + (place - low) * (cumulated[line, low + 1] - start))
+    start = cumulated[level, low]
+    return np.asarray(start + (place - low) * (cumulated[level, low + 1] - start))
 
 
-def _spectra(scatter: Scatter, members: Index, seen: Index, num_rows: int, step: float) -> tuple[Array, float]:
-    """Return the weight [sr] below each edge of a velocity grid, and the first edge [m/s].
+def _spectra(scatter: Scatter, lattice: _Lattice, levels: slice) -> Array:
+    """Return the part of a lattice's direction that is free and below each edge of its velocity grid.
 
-    Shape (num_rows, num_edges), or (1, num_edges) where nothing hides any member from any row.
+    Shape (num_levels, num_edges); the first edge is `tail` bins below the lowest mean velocity.
     """
-    values = scatter.velocity[members]
-    share = scatter.weight[members][:, None] * scatter.share
-    lowest = float(values.min())
-    width = int((float(values.max()) - lowest) / step) + 1
-    column = np.minimum(((values - lowest) / step).astype(np.intp), width - 1)
-    hides = bool(np.any(seen < num_rows))
-    line = (seen - 1 if hides else np.zeros_like(seen))[:, None]
-    size = num_rows if hides else 1
-    flat = (line * width + column)[line[:, 0] >= 0]
-    spectrum = np.bincount(flat.ravel(), share[line[:, 0] >= 0].ravel(), size * width).reshape(size, width)
-    spectrum = np.cumsum(spectrum[::-1], axis=0)[::-1]
-    reach = int(np.ceil(TAIL * scatter.spread / step))
-    if reach:
-        edges = np.arange(width + 2 * reach + 1) - reach
+    owner, stop, step = lattice.owner[levels], lattice.stop[levels], lattice.step / FINE
+    members = slice(lattice.first[owner[0]], stop[-1])
+    level = np.searchsorted(stop, np.arange(members.start, members.stop), side="right")
+    values = scatter.velocity[lattice.member[members]] - lattice.lowest[owner[level]][:, None]
+    width = int(lattice.width[owner].max())
+    flat = level[:, None] * width + (values / step).astype(np.intp)
+    share = lattice.share[members, None] * scatter.share
+    spectrum = np.cumsum(np.bincount(flat.ravel(), share.ravel(), len(stop) * width).reshape(-1, width), axis=0)
+    begin = np.searchsorted(owner, owner)  # the first level of the same direction
+    spectrum -= np.concatenate([np.zeros((1, width)), spectrum])[begin]
+    if lattice.tail:
+        edges = np.arange(width + 2 * lattice.tail + 1) - lattice.tail
         below = ndtr((edges[None] - np.arange(width)[:, None] - 0.5) * step / scatter.spread)
-        return spectrum @ below, lowest - reach * step
-    return np.concatenate([np.zeros((size, 1)), np.cumsum(spectrum, axis=1)], axis=1), lowest
+        return np.asarray(spectrum @ below)
+    return np.concatenate([np.zeros((len(stop), 1)), np.cumsum(spectrum, axis=1)], axis=1)
 
 
 def thinned(power: Array, most: int, rng: np.random.Generator) -> tuple[Index, Array]:
@@ -275,10 +358,11 @@ def thinned(power: Array, most: int, rng: np.random.Generator) -> tuple[Index, A
     """
     if len(power) <= most:
         return np.arange(len(power)), power
-    level, step = float(power.max()), 0.5
-    for _ in range(50):  # bisection of the logarithm of the threshold, from above: the sum falls as it rises
-        lower = level * 2.0**-step if step >= 1e-3 else level
-        level, step = (lower, step * 2.0) if np.minimum(power / lower, 1.0).sum() <= most else (level, step / 4.0)
+    rising = np.sort(power)
+    rest = np.cumsum(rising)[::-1][:most] / (
+        most - np.arange(most)
+    )  # of all but the strongest, for those that are left
+    level = rest[np.argmax(rising[::-1][:most] <= rest)]
     chance = np.minimum(power / level, 1.0)
     kept = np.flatnonzero(rng.random(len(power)) < chance)
     return kept, power[kept] / chance[kept]
