@@ -49,15 +49,26 @@ class FaceTable:
 
 def face_table(state: WorldState) -> FaceTable:
     """Return the triangles of a state; plane numbers are the same at all times, one a face where parts bend."""
-    world = state.world
-    part = world._triangles.part
-    if world not in _numbers:
-        _numbers[world] = plane_numbers(world._triangles.normal, world._triangles.offset, part), repeated_faces(world)
-    plane, repeated = _numbers[world]
+    part = state.world._triangles.part
+    plane, repeated = _known_numbers(state.world)
     if state._bent:
         bends = np.isin(part, list(state._bent))
         plane = np.where(bends, plane.max() + 1 + np.arange(len(plane)), plane)
     return FaceTable(state._triangles, part, plane, repeated)
+
+
+def rigid_planes(world: World) -> Index:
+    """Return the plane numbers of the triangles of a world as they are modelled, before anything bends."""
+    return _known_numbers(world)[0]
+
+
+def _known_numbers(world: World) -> tuple[Index, Flags]:
+    """Return plane numbers and which faces are repeated, found once for a world."""
+    if world not in _numbers:
+        triangles = world._triangles
+        planes = plane_numbers(triangles.normal, triangles.offset, triangles.part)
+        _numbers[world] = planes, repeated_faces(world)
+    return _numbers[world]
 
 
 def repeated_faces(world: World) -> Flags:

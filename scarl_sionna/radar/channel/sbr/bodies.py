@@ -19,7 +19,7 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine import variant
-from scarl_sionna.engine.rays.face_planes import FaceTable, face_table
+from scarl_sionna.engine.rays.face_planes import FaceTable, face_table, rigid_planes
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.rays.nearby import scene_near
 from scarl_sionna.engine.smooth.surface import state_sheets, state_surface
@@ -207,8 +207,18 @@ def _narrow(state: WorldState, parts: Index) -> NarrowBodies:
     return NarrowBodies.of_parts(found)
 
 
-_flat: WeakKeyDictionary[World, tuple[Mask, Array]] = WeakKeyDictionary()
-"""Which faces of parts that do not bend stand for a curve, and the width of the flat region of each face [m]."""
+@dataclass(frozen=True, eq=False)
+class _FlatWidths:
+    """Widths of the flat regions of a world [m]: where no face stands for a curve, and of parts of which some do.
+
+    `of_part` has which faces of a part stand for a curve, and the widths of its faces then.
+    """
+
+    without_curves: Array
+    of_part: dict[int, tuple[Mask, Array]] = field(default_factory=dict)
+
+
+_flat: WeakKeyDictionary[World, _FlatWidths] = WeakKeyDictionary()
 
 
 def _widths(state: WorldState, faces: FaceTable, is_curved: Mask | None) -> Array:
@@ -217,13 +227,22 @@ def _widths(state: WorldState, faces: FaceTable, is_curved: Mask | None) -> Arra
     By the world's own corners, so that they are the same numbers in whatever state they are asked for first. Faces of
     parts that bend have a plane each.
     """
-    bends = np.isin(faces.part, list(state._bent))
-    apart = np.zeros(len(bends), dtype=np.bool_) if is_curved is None else ~bends & is_curved
+    triangles = state.world._triangles
     known = _flat.get(state.world)
-    if known is None or not np.array_equal(known[0], apart):
-        known = _flat[state.world] = apart, flat_widths(state.world._triangles.corners, faces.plane)
-    found = known[1].copy()
+    if known is None:
+        known = _flat[state.world] = _FlatWidths(flat_widths(triangles.corners, rigid_planes(state.world)))
+    found = known.without_curves.copy()
+    bends = np.isin(faces.part, list(state._bent))
     found[bends] = flat_widths(faces.triangles.corners[bends], faces.plane[bends])
+    if is_curved is None:
+        return found
+    for part in np.unique(faces.part[~bends & is_curved]).tolist():
+        rows = slice(int(triangles.first[part]), int(triangles.first[part + 1]))
+        apart, _ = known.of_part.get(part, (None, None))
+        if apart is None or not np.array_equal(apart, is_curved[rows]):
+            widths = flat_widths(triangles.corners[rows], faces.plane[rows])
+            known.of_part[part] = is_curved[rows].copy(), widths
+        found[rows] = known.of_part[part][1]
     return found
 
 
