@@ -27,6 +27,8 @@ _PAIRS = 1 << 20
 """Points and triangles near to them that are compared in one piece: bounds the memory, changes no result."""
 _COMPARED = 1 << 18
 """Points and mirrors that are compared in one piece: what the processor's cache holds, changes no result."""
+_WAITING = 1 << 22
+"""Points and mirrors of which the nearest is found in one piece: bounds the memory, changes no result."""
 _MOST_CELLS = 1024
 """Of a grid along each axis: bounds the memory, changes no result."""
 
@@ -84,7 +86,7 @@ class MirrorFaces:
         limit[rows] = self._height(hits.point[rows], own[rows]) + COINCIDENT
         found = self._height(hits.point, number) < limit + COINCIDENT  # few are: the others are not compared with all
         rows = np.flatnonzero(found)
-        for some in np.array_split(rows, 1 + len(rows) * len(self._normal) // _COMPARED):
+        for some in np.array_split(rows, 1 + len(rows) * len(self._normal) // _WAITING):
             found[some] = self.owner(hits.face[some], hits.point[some], aim[some]) == number[some]
         return found
 
@@ -104,15 +106,19 @@ class MirrorFaces:
         aim : ndarray of float64, shape (num_hits, 3)
             Points in planes of mirrors that the rays of the hits were sent to [m, world].
         """
-        own = self._of_face[face]
-        height = np.abs(point @ self._normal.T - self._offset)
-        here = np.where(own == NO_MIRROR, self.thickness, 0.0)
-        rows = np.flatnonzero(own != NO_MIRROR)
-        here[rows] = height[rows, own[rows]] + COINCIDENT
-        may = height < here[:, None]
-        result = np.where(may.any(axis=1), may.argmax(axis=1), NO_MIRROR)
-        several = np.flatnonzero(may.sum(axis=1) > 1)
-        result[several] = self._nearest(aim[several], height[several], may[several], own[several])
+        own, result, waiting = self._of_face[face], np.empty(len(face), dtype=np.int64), []
+        for some in np.array_split(np.arange(len(face)), 1 + len(face) * len(self._normal) // _COMPARED):
+            height = np.abs(point[some] @ self._normal.T - self._offset)
+            here = np.full(len(some), self.thickness)
+            rows = np.flatnonzero(own[some] != NO_MIRROR)
+            here[rows] = height[rows, own[some[rows]]] + COINCIDENT
+            may = height < here[:, None]
+            count = np.count_nonzero(may, axis=1)
+            result[some] = np.where(count > 0, may.argmax(axis=1), NO_MIRROR)
+            several = np.flatnonzero(count > 1)
+            waiting.append((some[several], height[several], may[several]))
+        rows, height, may = (np.concatenate(column) for column in zip(*waiting, strict=True))
+        result[rows] = self._nearest(aim[rows], height, may, own[rows])
         return result
 
     def _height(self, point: Array, number: Index) -> Array:

@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.settings.mirrors import MirrorSettings
+from scarl_sionna.engine.rays.cast import Target, cast_rays
+from scarl_sionna.engine.rays.nearby import scene_near
 from scarl_sionna.radar.optics.edges.fresnel_ends import across, edge_distances, edge_terms, fresnel_axes
 from scarl_sionna.radar.optics.tubes.screens import Strips
 
@@ -46,6 +48,9 @@ _COMPARED = 1 << 14
 _CELL, _CELL_BITS = 0.25, 12
 """Points are sorted by cells of this size [m], a kilometre of them, so that few pieces are near to all that are
 compared together."""
+_FRAME = 1024.0
+"""Rays that find free edges are cast in frames this far apart [m], by where the mirror is alone: their rounding (0.06
+mm) does not depend on where the radar is, nor on the time."""
 IN_ONE_PLANE = 2e-3
 """Mirrors that are this near to the plane of another are in that plane [m]."""
 STEEP = 0.7
@@ -153,7 +158,8 @@ def with_free_edges(
     """Return an outline that says where nothing goes on.
 
     Three rays at the middle of each piece tell: beside the edge the plane may go on in another mesh, something steep
-    may rise from it, or the edge may be buried. Things that move count as nothing.
+    may rise from it, or the edge may be buried. Things that move count as nothing and hide nothing, so what stands
+    still has the same ends at all times.
 
     Parameters
     ----------
@@ -177,16 +183,37 @@ def with_free_edges(
         middle - BESIDE * outline.out + lift * above,
         middle - BESIDE * outline.out + ABOVE * above,
     ]
-    hits = state.cast(np.concatenate(starts), np.concatenate([-above, outline.out, -above]))
-    kind, row = hits.ray // count, hits.ray % count
-    facing = np.einsum("ij,ij->i", state._triangles.normal[hits.face], above[row])
-    still = state.world.parts.actor[hits.part] < 0
-    goes_on = (kind == 0) & (hits.distance < lift + thickness) & (np.abs(facing) > np.cos(GENTLE))
-    rises = (kind == 1) & (hits.distance < 2.0 * BESIDE) & (np.abs(facing) < STEEP)
-    buried = (kind == 2) & (hits.distance < ABOVE - thickness)
+    limits = np.repeat([lift + thickness, 2.0 * BESIDE, ABOVE - thickness], count)
+    ray, face = _met_standing(state, np.concatenate(starts), np.concatenate([-above, outline.out, -above]), limits)
+    kind, row = ray // count, ray % count
+    facing = np.abs(np.einsum("ij,ij->i", state._triangles.normal[face], above[row]))
+    goes_on = (kind == 0) & (facing > np.cos(GENTLE))
+    rises = (kind == 1) & (facing < STEEP)
     free = np.ones(count, dtype=np.bool_)
-    free[row[still & (goes_on | rises | buried)]] = False
+    free[row[goes_on | rises | (kind == 2)]] = False
     return Outline(outline.start, outline.end, outline.out, outline.owner, free)
+
+
+def _met_standing(state: WorldState, start: Array, direction: Array, limit: Array) -> tuple[Index, Index]:
+    """Return which rays meet something that stands still nearer than their limit, and the face that each meets first.
+
+    What moves is passed through.
+    """
+    triangles, actor = state._triangles, state.world.parts.actor
+    scene = scene_near(state, _FRAME * np.round(start.mean(axis=0) / _FRAME), "optical")
+    target = Target(scene, triangles, state.point_velocity)
+    rows, gone = np.arange(len(start)), np.zeros(len(start))
+    found = np.full(len(start), -1, dtype=np.int64)
+    while len(rows):
+        hits = cast_rays(target, start[rows] + gone[rows, None] * direction[rows], direction[rows], float(limit.max()))
+        met, face, distance = rows[hits.ray], hits.face, hits.distance
+        near = gone[met] + distance < limit[met]
+        moves = actor[triangles.part[face]] >= 0
+        found[met[near & ~moves]] = face[near & ~moves]
+        rows = met[near & moves]
+        gone[rows] += distance[near & moves] + SAME_CORNER
+    ray = np.flatnonzero(found >= 0)
+    return ray, found[ray]
 
 
 def merged(outline: Outline) -> Outline:
@@ -357,32 +384,20 @@ class MirrorEnds:
         return self._known[number]
 
     def _outlines(self, numbers: Sequence[int]) -> Outline:
-        """Return the outlines of some mirrors; those of a state are found once."""
-        known, thickness = _outlines.setdefault(self.state, {}), self.knobs.thickness
-        offset = np.array([mirror.offset for mirror in self.mirrors])
-        side = np.sign(self._normal @ self.position - offset)
-        keys = {k: (int(self.mirrors[k].faces[0]), float(side[k]), thickness) for k in numbers}
-        missing = [k for k, key in keys.items() if key not in known]
-        if missing:
-            raw = [self._raw(k) for k in missing]
-            pieces = Outline.joined(
-                [replace(one, owner=np.full(len(one.owner), k)) for one, k in zip(raw, missing, strict=True)]
-            )
-            pieces = with_free_edges(self.state, pieces, self._normal, offset, self.position, thickness)
-            for k in missing:
-                known[keys[k]] = merged(pieces.take(pieces.owner == k))
-        found = [known[keys[k]] for k in numbers]
-        return Outline.joined(
-            [replace(one, owner=np.full(len(one.owner), k)) for one, k in zip(found, numbers, strict=True)]
-        )
+        """Return the outlines of some mirrors; those of what stands still are found once for a world."""
+        found = [replace(one, owner=np.full(len(one.owner), k)) for k in numbers for one in [self._own_outline(k)]]
+        return Outline.joined(found)
 
-    def _raw(self, number: int) -> Outline:
-        """Return the outline of a mirror in pieces, all free; that of a part that stands still is found once."""
-        mirror, world = self.mirrors[number], self.state.world
-        known = _standing.setdefault(world, {}) if world.parts.actor[mirror.part] < 0 else {}
-        key = int(mirror.faces[0]), len(mirror.faces)
+    def _own_outline(self, number: int) -> Outline:
+        """Return the outline of a mirror, without what others have in its plane."""
+        mirror, world, thickness = self.mirrors[number], self.state.world, self.knobs.thickness
+        stands = world.parts.actor[mirror.part] < 0
+        known = _standing.setdefault(world, {}) if stands else _moving.setdefault(self.state, {})
+        normal, offset = self._normal[number : number + 1], np.array([mirror.offset])
+        key = int(mirror.faces[0]), len(mirror.faces), float(np.sign(normal[0] @ self.position - offset[0])), thickness
         if key not in known:
-            known[key] = in_pieces(outline_of(mirror.corners.reshape(-1, 3, 3), self._normal[number], number))
+            pieces = in_pieces(outline_of(mirror.corners.reshape(-1, 3, 3), normal[0], 0))
+            known[key] = merged(with_free_edges(self.state, pieces, normal, offset, self.position, thickness))
         return known[key]
 
     def _metres(self, number: int, at: Reflections, axis: Array) -> Array:
@@ -477,5 +492,6 @@ def _side_by_side(points: Array) -> Index:
     return np.argsort(key, kind="stable")
 
 
-_standing: WeakKeyDictionary[World, dict[tuple[int, int], Outline]] = WeakKeyDictionary()
-_outlines: WeakKeyDictionary[WorldState, dict[tuple[int, float, float], Outline]] = WeakKeyDictionary()
+_standing: WeakKeyDictionary[World, dict[tuple[int, int, float, float], Outline]] = WeakKeyDictionary()
+_moving: WeakKeyDictionary[WorldState, dict[tuple[int, int, float, float], Outline]] = WeakKeyDictionary()
+"""Outlines of mirrors on parts that stand still, and on those of actors."""
