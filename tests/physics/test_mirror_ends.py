@@ -203,6 +203,24 @@ def test_a_plate_seen_over_the_end_of_a_wall_is_the_integral_over_it(tmp_path, m
     assert 20.0 * np.log10(found[0] / found[1] / expected) == pytest.approx(0.0, abs=0.7)
 
 
+def test_what_stands_before_a_seam_for_a_moment_makes_no_end_of_it(tmp_path) -> None:
+    """Two walls in one plane, and a plate that passes 1 cm before their seam: at no time does the first one end."""
+    first, second = (box((8.0, 0.2, 4.0), (middle, WALL + 0.1, 0.0)) for middle in (END - 4.0, END + 4.0))
+    track = {"kind": "constant_twist", "position": (0.0, 0.0, 0.0), "velocity": (0.0, -20.0, 0.0)}
+    plate = Thing("plate", box((0.6, 0.002, 4.0), (END, WALL - 0.01, 0.0)), "Car", "steel", track)
+    walls = [Thing("one", first, "Wall", "steel"), Thing("other", second, "Wall", "steel")]
+    street = load_scene(write_scene(tmp_path, walls, [plate]))
+    for state in (street.at(0.0), street.at(0.9)):
+        mirrors = [one for one in find_mirrors(state, [1], np.zeros(3), RADAR.wavelength) if abs(one.normal[1]) > 0.9]
+        view = MirrorView(state, RADAR, state.as_mount(Pose()), (), mirrors[:1], MirrorSettings())
+        points = np.array([[END + 2.0, 1.0, 0.0], [END - 9.5, 1.0, 0.0]])
+        reflection = view.reflections(np.zeros((2, 1), dtype=np.int64), points)
+        at = replace(reflection, point=np.array([[END - 0.01, WALL, 0.0], [END - 8.0 + 0.01, WALL, 0.0]]))
+        assert view.ends is not None
+        whole, ended = np.abs(view.ends.weight(at))
+        assert whole == pytest.approx(1.0, abs=1e-12) and ended == pytest.approx(0.5, abs=0.2)
+
+
 def test_weights_and_reaches_are_those_of_each_point_alone(ends, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points over 12 m of the wall and of its end, in any order, some dozen compared together."""
     state = ends[0]
