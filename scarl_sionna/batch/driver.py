@@ -186,7 +186,7 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
     keys = [
         (name, shard)
         for name, scenario in sorted(plan.scenarios.items())
-        for shard in range(-(-scenario.num_frames // settings.options.shard_frames))
+        for shard in range(-(-scenario.num_frames // folder.plan.options.shard_frames))
     ]
     target = folder.target.url if isinstance(folder, RemoteFolder) else None
     report = ExportReport(folder.given, 0, address=target or "")
@@ -194,7 +194,7 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
     root = output_root(folder.root)
     for name, shard in shards_of_part(keys, settings.part):
         scene = folder.plan.scene(name)
-        frames = scene.shard_range(shard, settings.options)
+        frames = scene.shard_range(shard, folder.plan.options)
         report.num_frames += len(frames)
         if folder.is_finished(name, shard):
             report.num_kept += len(frames)
@@ -207,7 +207,7 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
                     plan.rig,
                     scene,
                     shard,
-                    settings.options,
+                    folder.plan.options,
                     folder.plan.scene_hash(name),
                     settings.on_error,
                     settings.plan_file is not None,

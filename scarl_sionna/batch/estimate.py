@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
-from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions, encode_frame
+from scarl_sionna.dataset.encoding import EncodedFrame, encode_frame
 from scarl_sionna.dataset.store.layout import MARKED as AT_THE_TOP
 from scarl_sionna.dataset.store.records import metadata_texts
 from scarl_sionna.dataset.store.remote import is_address, scratch_folder
@@ -98,7 +98,7 @@ def estimate(plan: ExportPlan, out: str | Path, settings: ExportSettings) -> Est
     frame = observe(world, plan.rig, scenario.times[index], scenario.seed, index=index)
     simulated = perf_counter()
     with ThreadPoolExecutor(2) as pool:
-        encoded = encode_frame(frame, settings.options, pool)
+        encoded = encode_frame(frame, plan.dataset.options, pool)
     encoding = perf_counter() - simulated
     processes = settings.workers or 1
     return Estimate(
@@ -111,14 +111,14 @@ def estimate(plan: ExportPlan, out: str | Path, settings: ExportSettings) -> Est
         {**frame.timings, "encoding (beside)": encoding},
         processes,
         _free(scratch_folder(str(out)) if is_address(out) else Path(out)),
-        _num_files(plan, encoded, settings.options),
+        _num_files(plan, encoded),
     )
 
 
-def _num_files(plan: ExportPlan, frame: EncodedFrame, options: StoreOptions) -> int:
+def _num_files(plan: ExportPlan, frame: EncodedFrame) -> int:
     """Return the number of files of a dataset whose frames are all like one."""
     names = set(AT_THE_TOP)
-    count = 0
+    options, count = plan.dataset.options, 0
     for scene in plan.dataset.scenes:
         names |= metadata_texts(scene, frame.arrays, options).keys()
         if options.layout == "packed":

@@ -93,7 +93,12 @@ class _Job:
 class _Stored:
     """Options of what the folder of a dataset holds."""
 
-    shard_frames: Annotated[int, typer.Option(min=1, max=1024, help="Frames in a shard, the unit of work.")] = 8
+    shard_frames: Annotated[
+        int,
+        typer.Option(
+            min=0, max=1024, help="Frames in a shard, the unit of work (0: a quarter of all frames, but 3 to 8)."
+        ),
+    ] = 0
     radar_format: Annotated[
         str, typer.Option(metavar="int16|complex64", help="I/Q codes with their scale, or the beat signal.")
     ] = "int16"

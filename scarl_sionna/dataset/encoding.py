@@ -9,7 +9,7 @@ import io
 import json
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -33,6 +33,8 @@ from .store.shards import ArrayInfo, encode_chunk
 
 NOT_DATA = frozenset({"seconds"})
 """Diagnostics that are left out, so that the same seed gives the same bytes."""
+FREE_SHARD_FRAMES = (3, 8)
+"""Fewest and most frames in a shard, of datasets that ask for no number."""
 _MOST_PIXELS = 100_000_000
 PNG_LEVEL = {"semantic": 6, "instance": 6}
 """zlib level of the PNG files, 3 where not named: level 6 takes twice the time for 0 to 12 % of the bytes of a
@@ -46,7 +48,7 @@ class StoreOptions:
     Attributes
     ----------
     shard_frames : int
-        Frames in one shard, the unit of work.
+        Frames in one shard, the unit of work; 0 leaves it to :meth:`for_frames`.
     radar_format : {"int16", "complex64"}
         I/Q codes with their scale (3 to 4 times smaller), or the beat signal itself.
     object_capacity : int
@@ -55,16 +57,28 @@ class StoreOptions:
         A finished shard is two files, its record and a ZIP of all images and arrays, or a file for each of them.
     """
 
-    shard_frames: int = 8
+    shard_frames: int = 0
     radar_format: Literal["int16", "complex64"] = "int16"
     object_capacity: int = 1024
     layout: Literal["packed", "files"] = "packed"
 
     def __post_init__(self) -> None:
-        if not 1 <= self.shard_frames <= MOST_SHARD_FRAMES:
-            raise ParameterRangeError("shard_frames", self.shard_frames, f"1 to {MOST_SHARD_FRAMES}")
+        if not 0 <= self.shard_frames <= MOST_SHARD_FRAMES:
+            raise ParameterRangeError(
+                "shard_frames", self.shard_frames, f"1 to {MOST_SHARD_FRAMES}, or 0: by the dataset"
+            )
         if self.layout not in ("packed", "files"):
             raise ParameterRangeError("layout", repr(self.layout), "'packed' or 'files'")
+
+    def for_frames(self, num_frames: int) -> StoreOptions:
+        """Return these options with frames a shard: where none are asked for, a quarter of a dataset, but 3 to 8.
+
+        So a few workers share a small dataset, and how it is stored depends on its frames, not on who makes them.
+        """
+        if self.shard_frames:
+            return self
+        fewest, most = FREE_SHARD_FRAMES
+        return replace(self, shard_frames=min(max(num_frames // 4, fewest), most))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for a manifest; the layout "files" is not named there: it is older than its name."""
@@ -74,7 +88,7 @@ class StoreOptions:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> StoreOptions:
         """Return the options of :meth:`to_dict`."""
-        return cls(**{"layout": "files", **data})
+        return cls(**{"layout": "files", "shard_frames": FREE_SHARD_FRAMES[1], **data})
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ out/
     shards/<scene>/000003.frames.json         names and diagnostics of its frames
 ```
 
-A **scene** is one drive (sequence) with its own scenario and seed. A **shard** is {shard_frames} consecutive frames of it by default. So a dataset has two files a shard
+A **scene** is one drive (sequence) with its own scenario and seed. A **shard** is {shard_frames} consecutive frames of it by default (3 to 7 in a dataset of less than 32 frames, so that a few processes share it). So a dataset has two files a shard
 and four more: 140,000 frames are 35,004 files, whatever the rig, if the scenes' lengths are multiples of {shard_frames} (else up to two more a scene):
 
 ```
@@ -133,7 +133,7 @@ class Sonar:
 
 def schema_page() -> str:
     """Return the text of ``docs/dataset.md``."""
-    options = StoreOptions()
+    options = StoreOptions().for_frames(1_000)
     head = _INTRODUCTION.format(
         version=SCHEMA_VERSION, shard_frames=options.shard_frames, object_capacity=options.object_capacity
     )

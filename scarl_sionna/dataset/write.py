@@ -51,11 +51,11 @@ def write_dataset(
     OutputError
         If the folder cannot be written, holds other data, or a frame has something that the schema does not know.
     """
-    options = options or StoreOptions()
     frames = {name: list(items) for name, items in scenes.items()}
     plans = tuple(ScenePlan(name, len(items), configuration or {}) for name, items in frames.items())
-    plan = DatasetPlan(rig if isinstance(rig, Mapping) else rig.to_dict(), plans, options)
+    plan = DatasetPlan(rig if isinstance(rig, Mapping) else rig.to_dict(), plans, options or StoreOptions())
     with DatasetFolder(root, plan, overwrite=overwrite) as folder, ThreadPoolExecutor(2) as pool:
+        options = folder.plan.options
         for name, items in frames.items():
             shards = defaultdict(list)
             for frame in items:

@@ -76,7 +76,7 @@ def test_warnings_of_workers_are_shown_and_in_the_log(tmp_path: Path) -> None:
         found.append((logged(out), sorted(str(item.message) for item in caught if item.category is ScarlWarning)))
     assert found[0] == found[1] and found[2][0] == found[0][0]
     (idle,) = set(found[2][1]) - set(found[0][1])
-    assert idle.startswith("only 1 of 2 workers can work at once") and "--shard-frames, now 8" in idle
+    assert idle.startswith("only 1 of 2 workers can work at once") and "--shard-frames, now 3" in idle
     assert found[0][0] and all(re.match(r"frame [01] of one: warning: ", line) for line in found[0][0])
     assert len(found[0][0]) == len(found[0][1])
 

@@ -279,7 +279,7 @@ def test_the_forecast_of_files_is_the_number_of_files(packed, plain, tmp_path) -
             frame = encode_frame(FRAMES[4], options, pool)
         plan = SimpleNamespace(dataset=open_dataset(place).plan)
         there = len(contents(place)) + 1  # the log of an export
-        assert _num_files(plan, frame, options) == there  # type: ignore[arg-type]
+        assert _num_files(plan, frame) == there  # type: ignore[arg-type]
 
 
 def test_140_000_frames_are_35_004_files() -> None:
@@ -295,4 +295,4 @@ def test_140_000_frames_are_35_004_files() -> None:
         frame = encode_frame(FRAMES[0], options, pool)
     scenes = tuple(ScenePlan(f"s{number:03d}", 200) for number in range(700))
     plan = SimpleNamespace(dataset=DatasetPlan(RIG.to_dict(), scenes, options))
-    assert _num_files(plan, frame, options) == 35_004  # type: ignore[arg-type]
+    assert _num_files(plan, frame) == 35_004  # type: ignore[arg-type]

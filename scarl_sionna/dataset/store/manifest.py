@@ -9,7 +9,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from scarl_sionna.core.errors import DatasetError, ParameterRangeError
@@ -134,10 +134,13 @@ class DatasetPlan:
         `Rig.to_dict()`; one rig for all scenes.
     scenes : tuple of ScenePlan
     options : StoreOptions
+        As they are for all its frames (`StoreOptions.for_frames`).
     software : mapping
         Versions of the packages that decide the bytes.
     licence, description : str
         For the dataset card.
+    has_free_shards : bool
+        No number of frames a shard was asked for: that of a dataset that is there holds.
     """
 
     rig: Mapping[str, Any]
@@ -146,8 +149,13 @@ class DatasetPlan:
     software: Mapping[str, str] = field(default_factory=dict)
     licence: str = "not stated"
     description: str = ""
+    has_free_shards: bool = field(default=False, compare=False)
 
     def __post_init__(self) -> None:
+        if self.options.shard_frames == 0:
+            object.__setattr__(self, "has_free_shards", True)
+            num_frames = sum(scene.num_frames for scene in self.scenes)
+            object.__setattr__(self, "options", self.options.for_frames(num_frames))
         object.__setattr__(self, "rig", json.loads(json.dumps(plain(self.rig))))
         object.__setattr__(self, "scenes", tuple(sorted(self.scenes, key=lambda scene: scene.name)))
         names = [scene.name for scene in self.scenes]
@@ -168,6 +176,12 @@ class DatasetPlan:
     def scene(self, name: str) -> ScenePlan:
         """Return a scene by name."""
         return next(scene for scene in self.scenes if scene.name == name)
+
+    def in_shards_of(self, there: DatasetPlan | None) -> DatasetPlan:
+        """Return this plan with as many frames a shard as another one, where no number was asked for."""
+        if there is None or not self.has_free_shards:
+            return self
+        return replace(self, options=replace(self.options, shard_frames=there.options.shard_frames))
 
     @property
     def configuration(self) -> dict[str, Any]:

@@ -188,6 +188,7 @@ class RemoteFolder(DatasetFolder):
     def _check_foreign(self) -> There:
         """Return what of ours is there, or raise if something that is not ours stands there and no dataset."""
         there = self._there()
+        self._take_shards(there)
         if there.plan is None and not self.repair:
             found = self.target.walk()
             names = [name for name in found if not Layout(self.plan).owns(name)]

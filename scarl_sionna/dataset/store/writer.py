@@ -244,6 +244,7 @@ class DatasetFolder:
         if not self.root.is_dir():
             return There(self.root)
         there = self._there()
+        self._take_shards(there)
         found = blocked_folders(self.root, [scene.name for scene in self.plan.scenes])
         where = "where files of the dataset belong"
         if not self.repair:
@@ -260,6 +261,11 @@ class DatasetFolder:
                 "or move them away"
             )
         return there
+
+    def _take_shards(self, there: There) -> None:
+        """Go on with shards as long as those of the dataset that is there, where the plan leaves their length free."""
+        if not self.overwrite:
+            self.plan = self.plan.in_shards_of(there.plan)
 
     def _others(self) -> list[str]:
         """Return what is in a folder that holds no dataset: one belongs in a folder of its own."""
