@@ -57,7 +57,7 @@ def test_cells_are_speckle_at_every_range(cubes) -> None:
             second[group] += power**2
     noise = range_doppler_angle(cubes[0], RADAR).noise_power
     bright = first.sum(axis=0) / SEEDS > 10.0 * noise
-    for near, far in ((8.0, 16.0), (25.0, 40.0), (70.0, 100.0)):
+    for near, far in ((8.0, 16.0), (25.0, 40.0), (60.0, 100.0)):
         cells = np.zeros_like(bright)
         here = slice(round(near / RADAR.range_resolution), round(far / RADAR.range_resolution))
         cells[:, here] = bright[:, here]

@@ -456,7 +456,7 @@ def test_the_manifest_is_typed_and_the_plain_data_that_it_was(tmp_path) -> None:
     assert manifest == plain and json.loads(json.dumps(manifest)) == plain
     scene = manifest.scenes["lane"]
     assert (scene.num_frames, scene.split) == (plain["scenes"]["lane"]["num_frames"], plain["scenes"]["lane"]["split"])
-    assert manifest.schema_version == plain["schema_version"] and manifest.storage.shard_frames == 8
+    assert manifest.schema_version == plain["schema_version"] and manifest.storage.shard_frames == 3
     assert manifest.licence == plain["licence"] and manifest.configuration_hash == plain["configuration_hash"]
     assert [list(row) for row in manifest.shards["lane"]] == plain["shards"]["lane"]
     assert manifest.splits == plain["splits"] and manifest.calibration == plain["calibration"]
