@@ -173,7 +173,7 @@ def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedMo
     distance = np.maximum(np.linalg.norm(offset, axis=1), MIN_DISTANCE)
     direction = offset / distance[:, None]
     toward = -direction @ world_from_model.rotation
-    matrix = model.matrices(toward)
+    matrix = model.matrices(toward, distance)
     echoing = matrix.any(axis=(1, 2))
     _warn(placed, radar, toward[echoing], levels)
     _warn_of_nearness(placed, matrix, distance)

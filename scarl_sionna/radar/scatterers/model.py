@@ -22,6 +22,7 @@ from scarl_sionna.core.untrusted.files import MEGABYTE
 from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.core.untrusted.numpy_file import read_npz
 
+from .stencil import far_shares, near_shares
 from .table import AspectTable, direction_of
 from .tr38901 import tr38901_fields
 
@@ -153,26 +154,44 @@ class ScattererModel(
             result &= (azimuth - self.azimuth[0] + _ROUNDING) % (2.0 * np.pi) <= span + 2.0 * _ROUNDING
         return result
 
-    def matrices(self, direction: npt.ArrayLike) -> Complex:
-        """Return the scattering matrix of every centre, each seen from its own direction.
+    def matrices(self, direction: npt.ArrayLike, distance: npt.ArrayLike | None = None) -> Complex:
+        r"""Return the scattering matrix of every centre, each seen from its own direction.
 
         Parameters
         ----------
         direction : array_like of float, shape (num_centers, 3) or (3,)
             Unit vectors from the centres to the radar [body frame]. Outside of the table its nearest aspect is used.
+        distance : array_like of float, shape (num_centers,) or number, optional
+            Of the radar from the centres, > 0 [m]; far away if None. With a receiver elsewhere the harmonic mean of
+            both ways, seen in the direction between them.
 
         Returns
         -------
         ndarray of complex128, shape (num_centers, 2, 2)
             [m], in theta_hat and phi_hat of each direction.
+
+        Notes
+        -----
+        Over a centre's cell the waves of a radar at a distance R bend: what is r off the ray through the centre is
+        farther by :math:`r^2 / (2 R)`. As r turns the phase of the amplitude with the aspect, that is an operator on
+        the table, with the derivatives along both angles,
+
+        .. math:: A_R(u) = \exp(\tfrac{j}{4 k R} \nabla^2) A(u)
+
+        to the second order (:func:`.near_shares`), along angles of which the table has four or more. A curved surface
+        needs it far beyond `nearest_distance`, since its echo is made on less than a cell. Corners, which are a point
+        at all aspects, are not helped.
         """
         toward = np.broadcast_to(np.asarray(direction, dtype=np.float64), self.centers.shape)
         azimuth, elevation = _angles(toward)
         result = np.zeros((self.num_centers, 2, 2), dtype=np.complex128)
-        rows, share_up = _stencil(self.elevation, elevation)
-        columns, share_along = self._columns(azimuth)
-        row = np.take_along_axis(rows, share_up.argmax(axis=1)[:, None], 1)[:, 0]
-        column = np.take_along_axis(columns, share_along.argmax(axis=1)[:, None], 1)[:, 0]
+        bend = None
+        if distance is not None:
+            away = np.broadcast_to(np.asarray(distance, dtype=np.float64), azimuth.shape)
+            bend = SPEED_OF_LIGHT / (8.0 * np.pi * self.frequency * away)
+        rows, share_up = self._shares(self.elevation, elevation, bend)
+        columns, share_along = self._columns(azimuth, None if bend is None else bend / np.cos(elevation) ** 2)
+        row, column = _closest(self.elevation, rows, elevation), _closest(self.azimuth, columns, azimuth)
         centre = np.flatnonzero(self.amplitude.present(row, column, np.arange(self.num_centers)))
         share = (share_up[centre, :, None] * share_along[centre, None, :]).reshape(len(centre), -1)
         up, along, of_centre = np.broadcast_arrays(
@@ -204,16 +223,21 @@ class ScattererModel(
         of_apertures = float(np.sqrt(power @ self.aperture_distance**2 / total)) if total > 0.0 else 0.0
         return max(self.nearest_distance, of_apertures)
 
-    def _columns(self, azimuth: Array) -> tuple[npt.NDArray[np.int64], Array]:
+    def _shares(self, grid: Array, value: Array, bend: Array | None) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
+        if bend is None:
+            return far_shares(grid, value)
+        return near_shares(grid, value, bend, 2.0 * np.pi * self.frequency / SPEED_OF_LIGHT * self.cell)
+
+    def _columns(self, azimuth: Array, bend: Array | None) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
         first = self.azimuth[0]
         turned = first + (azimuth - first + _ROUNDING) % (2.0 * np.pi) - _ROUNDING
         if self.is_full_turn:
-            before, after = self.azimuth[-1] - 2.0 * np.pi, self.azimuth[:2] + 2.0 * np.pi
-            column, share = _stencil(np.concatenate([[before], self.azimuth, after]), turned)
-            return (column - 1) % len(self.azimuth), share
+            turns = 2.0 * np.pi * np.arange(-1, 2)
+            column, share = self._shares((self.azimuth + turns[:, None]).reshape(-1), turned, bend)
+            return column % len(self.azimuth), share
         gap = 2.0 * np.pi - (self.azimuth[-1] - first)  # outside: the nearer end
         turned = np.where(turned > self.azimuth[-1] + gap / 2.0, first, turned)
-        return _stencil(self.azimuth, turned)
+        return self._shares(self.azimuth, turned, bend)
 
     def scattering_matrix(
         self, theta: npt.ArrayLike, phi: npt.ArrayLike, frequency: npt.ArrayLike | None = None
@@ -323,25 +347,10 @@ def _angles(direction: npt.ArrayLike) -> tuple[Array, Array]:
     return np.arctan2(vectors[:, 1], vectors[:, 0]), np.arctan2(vectors[:, 2], np.hypot(vectors[:, 0], vectors[:, 1]))
 
 
-def _stencil(grid: Array, value: Array) -> tuple[npt.NDArray[np.int64], Array]:
-    """Return the neighbours of values on a rising grid and their shares, each (n, num_neighbours).
-
-    Four neighbours with the weights of the cubic polynomial through them; two where the grid has less than four values,
-    and one where it has one. Beyond the grid its ends hold; in the first and last interval the polynomial is that of
-    the next one.
-    """
-    held = np.clip(value, grid[0], grid[-1])
-    order = 4 if len(grid) >= 4 else min(len(grid), 2)
-    low = np.searchsorted(grid, held, side="right") - order // 2
-    first = np.clip(low, 0, len(grid) - order)
-    number = first[:, None] + np.arange(order)
-    node = grid[number]
-    share = np.ones(node.shape)
-    for i in range(order):
-        for j in range(order):
-            if i != j:
-                share[:, i] *= (held - node[:, j]) / (node[:, i] - node[:, j])
-    return number.astype(np.int64), share
+def _closest(grid: Array, number: npt.NDArray[np.int64], angle: Array) -> npt.NDArray[np.int64]:
+    """Return which of the numbers (n, k) on a grid is nearest to angles (n,) [rad], any number of turns away."""
+    off = np.abs((grid[number] - angle[:, None] + np.pi) % (2.0 * np.pi) - np.pi)
+    return np.asarray(np.take_along_axis(number, off.argmin(axis=1)[:, None], 1)[:, 0])
 
 
 def loaded_models(named: Mapping[str, object]) -> dict[str, ScattererModel]:

@@ -301,7 +301,8 @@ def _of_model(
         distances.append(distance)
     middle = directions[0] + directions[1]
     middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
-    matrix = placed.model.matrices(-middle @ world_from_model.rotation)
+    mean = 2.0 / (1.0 / distances[0] + 1.0 / distances[1])
+    matrix = placed.model.matrices(-middle @ world_from_model.rotation, mean)
     scale = spreading(radar.wavelength, *distances)
     return {
         "tx_point": point,
