@@ -63,7 +63,10 @@ class RadarSettings(Spec):
     )
     accuracy: Accuracy = Field(Accuracy(), description="tolerances, floor and budget")
     max_distance: Metres | None = Field(
-        None, gt=0.0, description="half of the longest length of a path [m]; None: the unambiguous range of the radar"
+        None,
+        gt=0.0,
+        description="half of the longest length of a path [m], whose last 0.25 m fade out; None: the unambiguous range "
+        "of the radar",
     )
     instances: tuple[str | int, ...] | None = Field(
         None,

@@ -23,6 +23,7 @@ from .compose.hybrid import solve_hybrid
 from .compose.plan import OwnershipError
 from .multipath.solve import solve_sionna
 from .panes import warn_of_panes
+from .range_end import fading_out
 from .raycast.solve import solve_raycast
 from .sbr.solve import solve_sbr
 from .scatterers import solve_scatterers
@@ -64,7 +65,8 @@ def solve_paths(
         PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"``: the scattering centres of the objects
         that have a model. ``"hybrid"``: several of them by a :class:`ChannelPlan`.
     settings : RadarSettings, optional
-        Tolerances, budget, reach and the knobs of each solver; or the settings of `method` alone.
+        Tolerances, budget, reach and the knobs of each solver; or the settings of `method` alone. Paths go out
+        smoothly over the last 0.25 m of the reach.
     receiver : Mount or Pose, optional
         Of a separate receiver (bistatic), for ``"sbr"`` and ``"sionna"``.
     **fields
@@ -104,13 +106,15 @@ def solve_paths(
         warn_of_panes(state, radar, place.pose, chosen.method, chosen.warn_at)
     other = None if receiver is None else state.as_mount(receiver)
     solve = SOLVERS[chosen.method]
+    reach = radar.max_range if chosen.max_distance is None else chosen.max_distance
     if chosen.num_band_frequencies > 1:
         count, level = chosen.num_band_frequencies, chosen.warn_at.band_error
         with few_threads():
-            return solved_over_band(lambda tuned: solve(state, tuned, place, chosen, other), radar, count, level)
+            found = solved_over_band(lambda tuned: solve(state, tuned, place, chosen, other), radar, count, level)
+        return fading_out(found, reach)
     warn_of_band(state, radar, chosen.warn_at)
     with few_threads():
-        return solve(state, radar, place, chosen, other)
+        return fading_out(solve(state, radar, place, chosen, other), reach)
 
 
 def settings_of(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:
