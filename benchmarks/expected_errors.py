@@ -1,6 +1,7 @@
 """What tells how far the echo of an object is off: the formula, a second look, bounces that differ from their reverse.
 
     python benchmarks/expected_errors.py field 97:142         a line of JSON each, then the tables
+    python benchmarks/expected_errors.py crowd 0:6
     python benchmarks/expected_errors.py street 9:12 --reach 12
     python benchmarks/expected_errors.py --report             the tables of the results so far
 
@@ -37,6 +38,7 @@ LEVELS = {f"{level.tolerance_db:g} dB": level for level in DEFAULT_AUTO.levels[:
 LOOKS = (("3 dB", None), ("3 dB", "6 dB"), ("1 dB", None), ("1 dB", "3 dB"))
 LEAST_DB = 0.01
 """Errors are not told apart below it: that of the reference."""
+KINDS = "field", "crowd", "street"
 OFF_DB, DIFFERS_DB = 1.0, 2.0
 Object = dict[str, Any]
 
@@ -53,18 +55,22 @@ def solve(kind: str, seed: int, reach: float | None) -> dict[str, Any]:
             start = time.process_time()
             paths = by_plan(street, plan, sbr_settings(level), True)
             line["cpu"][label] = round(time.process_time() - start, 2)
-            apart, last = (
+            apart, last, ways, bounces = (
                 expected_errors(
-                    paths, RADAR, bodies, ErrorEstimate(last_bounce=of_last), level.with_(patch_error=of_all)
+                    paths,
+                    RADAR,
+                    bodies,
+                    ErrorEstimate(last_bounce=of_last, way_error=of_ways),
+                    level.with_(patch_error=of_all, bounce_error=of_bounces),
                 )
-                for of_all, of_last in ((1.0, 0.0), (0.0, 1.0))
+                for of_all, of_last, of_ways, of_bounces in np.eye(4).tolist()
             )
             found, power = echoes(paths, bodies), levels_db(paths, RADAR, bodies)
             reverse = reverse_doubts(paths, RADAR, bodies, bodies)
             for number in (number for number in bodies if name_of(street, number) in objects):
                 values = found[number] - truth[name_of(street, number)], power[number], apart.get(number, 99.0)
-                more = last.get(number, 0.0), reverse.get(number, 0.0)
-                names = "error", "power", "apart", "last", "reverse"
+                more = tuple(column.get(number, 0.0) for column in (last, reverse, ways, bounces))
+                names = "error", "power", "apart", "last", "reverse", "ways", "bounces"
                 row = {name: round(value, 3) for name, value in zip(names, (*values, *more), strict=True)}
                 objects[name_of(street, number)][label] = row
         return line
@@ -74,9 +80,10 @@ def _expected(objects: list[Object], label: str, look: str | None, knobs: np.nda
     """Return the medians of the errors [dB] with the constants of the formula, and of a look at another level."""
 
     def column(name: str) -> np.ndarray:
-        return 10.0 ** (np.array([one[label][name] for one in objects]) / 20.0) - 1.0
+        return 10.0 ** (np.array([one[label].get(name, 0.0) for one in objects]) / 20.0) - 1.0
 
     square = (knobs[0] * column("apart")) ** 2 + (knobs[1] * column("last")) ** 2
+    square += (knobs[4] * column("ways")) ** 2 + (knobs[5] * column("bounces")) ** 2
     error = 20.0 * np.log10(1.0 + np.sqrt(square))
     if look is None:
         return error
@@ -85,9 +92,13 @@ def _expected(objects: list[Object], label: str, look: str | None, knobs: np.nda
 
 
 def fitted(objects: list[Object], label: str, look: str | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the likeliest constants (of all rows, of the last bounce, exponent, of a look), and the medians [dB]."""
+    """Return the likeliest constants and the medians [dB].
+
+    The constants are of all rows, of the last bounce, the exponent, of a look, of ways and of bounces; the last two
+    stay as they are of lines without their columns.
+    """
     found = np.maximum(np.abs([one[label]["error"] for one in objects]), LEAST_DB)
-    start = np.log([0.007, 0.05, 1.4, 0.3])
+    start = np.log([0.007, 0.05, 1.4, 0.3, 0.002, 0.007])
 
     def unlikely(logs: np.ndarray) -> float:
         knobs = np.exp(logs)
@@ -103,10 +114,10 @@ def report(lines: list[dict[str, Any]]) -> str:
     """Return the tables."""
     rows = [
         "| objects | level | beside | errors found, median, nine of ten [dB] | over 1 dB | places of these by expected "
-        "error | eps, kappa, exponent, look | CPU [s] |",
+        "error | eps, kappa, exponent, ways, bounces, look | CPU [s] |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for kind in ("field", "street"):
+    for kind in KINDS:
         own = [line for line in lines if line["kind"] == kind]
         objects = [one for line in own for one in line["objects"].values()]
         for label, look in LOOKS if objects else ():
@@ -115,7 +126,8 @@ def report(lines: list[dict[str, Any]]) -> str:
             place = np.argsort(np.argsort(-expected)) + 1
             off = ", ".join(str(int(k)) for k in np.sort(place[found > OFF_DB]))
             cpu = sum(line["cpu"][label] + (line["cpu"][look] if look else 0.0) for line in own)
-            text = ", ".join(f"{value:.3g}" for value in (knobs if look else knobs[:3]))
+            shown = knobs[[0, 1, 2, 4, 5, 3] if look else [0, 1, 2, 4, 5]]
+            text = ", ".join(f"{value:.3g}" for value in shown)
             half, most = np.quantile(found, [0.5, 0.9])
             cells = [f"{len(objects)} of {len(own)} {kind}s", label, look or "-", f"{half:.2f}, {most:.2f}"]
             rows.append("| " + " | ".join([*cells, str(int((found > OFF_DB).sum())), off, text, f"{cpu:.0f}"]) + " |")
@@ -130,7 +142,7 @@ def report(lines: list[dict[str, Any]]) -> str:
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("kind", nargs="?", choices=("field", "street"))
+    parser.add_argument("kind", nargs="?", choices=KINDS)
     parser.add_argument("seeds", nargs="?", default="97:142", help="first:last, the last not included")
     parser.add_argument("--reach", type=float, help="of the problem, if not its own [m]")
     parser.add_argument("--report", action="store_true", help="only the tables")
@@ -138,7 +150,7 @@ def main() -> None:
     arguments = parser.parse_args()
     lines = read_rows(arguments.out)
     if not arguments.report and arguments.kind is None:
-        parser.error("say field or street, or --report")
+        parser.error("say field, crowd or street, or --report")
     done = {(line["kind"], line["seed"]) for line in lines}
     for seed in () if arguments.report else range(*map(int, arguments.seeds.split(":"))):
         if (arguments.kind, seed) in done:

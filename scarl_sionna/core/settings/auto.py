@@ -43,6 +43,12 @@ class SbrLevel(Spec):
         ge=0.0,
         description="relative error of the amplitude of one patch: a ratio; docs/accuracy.md, expected error",
     )
+    bounce_error: float = Field(
+        0.05,
+        ge=0.0,
+        description="relative error of all that bounces along one chain of objects, its patches alike: a ratio; "
+        "docs/accuracy.md, expected error",
+    )
 
 
 class TubeEstimate(Spec):
@@ -113,6 +119,12 @@ class ErrorEstimate(Spec):
         ge=0.0,
         description="field of what bounces on, relative to that of the last bounce followed: a "
         "ratio; docs/accuracy.md, expected error",
+    )
+    way_error: float = Field(
+        0.015,
+        ge=0.0,
+        description="relative error of what one object scatters by one way, straight or over mirrors, all of its "
+        "patches alike: a ratio; docs/accuracy.md, expected error",
     )
     median: float = Field(
         0.15,
@@ -185,6 +197,7 @@ class AutoSettings(Spec):
                 max_depth=5,
                 growth=25.0,
                 patch_error=0.4,
+                bounce_error=1.4,
             ),
             SbrLevel(
                 tolerance_db=3.0,
@@ -196,6 +209,7 @@ class AutoSettings(Spec):
                 max_depth=5,
                 growth=390.0,
                 patch_error=0.07,
+                bounce_error=0.06,
             ),
             SbrLevel(
                 tolerance_db=1.0,
@@ -207,6 +221,7 @@ class AutoSettings(Spec):
                 max_depth=5,
                 growth=1050.0,
                 patch_error=0.03,
+                bounce_error=0.05,
             ),
             SbrLevel(
                 tolerance_db=0.3,
@@ -218,6 +233,7 @@ class AutoSettings(Spec):
                 max_depth=5,
                 growth=2400.0,
                 patch_error=0.01,
+                bounce_error=0.02,
             ),
         ),
         description="knobs of 'sbr' by tolerance, the coarsest first; finer tolerances than the last are refused; "

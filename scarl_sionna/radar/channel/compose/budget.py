@@ -210,7 +210,8 @@ def box_points(state: WorldState, number: int) -> Array:
 @lru_cache(maxsize=64)
 def sbr_settings(level: SbrLevel) -> SbrSettings:
     """Return the knobs of `sbr` at a level."""
-    return SbrSettings(**level.model_dump(exclude={"tolerance_db", "growth", "patch_error"}), max_turn=level.max_phase)
+    others = {"tolerance_db", "growth", "patch_error", "bounce_error"}
+    return SbrSettings(**level.model_dump(exclude=others), max_turn=level.max_phase)
 
 
 def num_tubes(first: float, turning: float, level: SbrLevel, rules: AutoSettings = DEFAULT_AUTO) -> int:

@@ -38,12 +38,16 @@ def expected_errors(
     Notes
     -----
     With the amplitudes a of an object's patches and the mean over the band and over the phases of rough surfaces, what
-    is left of independent relative errors of the patches, and of bounces beyond the last, relative to the echo is
+    is left of independent relative errors of the patches, of bounces beyond the last, and of each chain c of instances
+    as a whole, relative to the echo is
 
-    .. math:: e^2 = \frac{\epsilon^2 \sum |a|^2 + \kappa^2 \langle|\sum_{last} a|^2\rangle}{\langle|\sum a|^2\rangle}
+    .. math:: e^2 = \frac{\epsilon^2 \sum |a|^2 + \kappa^2 \langle|\sum_{last} a|^2\rangle
+        + \sum_c \beta_c^2 \langle|\sum_c a|^2\rangle}{\langle|\sum a|^2\rangle}
 
     and the error :math:`20 \log_{10}(1 + e)`. A flash, whose patches add up, is certain; a side lobe, which is what
-    is left where they cancel, is not. The constants are measured: docs/accuracy.md, expected error.
+    is left where they cancel, is not, nor is a fade between ways over mirrors. What tubes lack of a bounce, such as
+    what comes through a gap, all of its patches lack alike: beta is `bounce_error` of the level there, else
+    `way_error`. The constants are measured: docs/accuracy.md, expected error.
     """
     if not paths.num_paths or not len(numbers):
         return {}
@@ -51,14 +55,30 @@ def expected_errors(
     place = np.searchsorted(np.sort(numbers), owner)
     rows = np.flatnonzero(owner >= 0)
     place, count = place[rows], len(numbers)
-    last = np.isin(paths.instance[rows], numbers).sum(axis=1) >= level.max_depth
+    bodies = np.isin(paths.instance[rows], numbers).sum(axis=1)
+    last = bodies >= level.max_depth
     whole = mean_power(paths, radar, rows, place, count, NUM_FREQUENCIES)
     beyond = mean_power(paths, radar, rows[last], place[last], count, NUM_FREQUENCIES)
     apart = np.bincount(place, np.abs(paths.a[rows, 0, 0]) ** 2, count)
-    square = (level.patch_error**2 * apart + fit.last_bounce**2 * beyond) / np.maximum(whole, 1e-300)
+    chain, first = _chains(paths.instance[rows])
+    alike = mean_power(paths, radar, rows, chain, len(first), NUM_FREQUENCIES)
+    alike *= np.where(bodies[first] > 1, level.bounce_error, fit.way_error) ** 2
+    square = level.patch_error**2 * apart + fit.last_bounce**2 * beyond + np.bincount(place[first], alike, count)
+    square /= np.maximum(whole, 1e-300)
     error = 20.0 * np.log10(1.0 + np.sqrt(square))
     met = np.bincount(place, minlength=count) > 0
     return {number: float(error[k]) for k, number in enumerate(sorted(numbers)) if met[k]}
+
+
+def _chains(instance: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return the number of each path's chain of instances, shape (n,), and a path of each chain.
+
+    Most paths follow others of their chain.
+    """
+    begins = np.ones(len(instance), dtype=np.bool_)
+    begins[1:] = (instance[1:] != instance[:-1]).any(axis=1)
+    _, first, number = np.unique(instance[begins], axis=0, return_index=True, return_inverse=True)
+    return number.ravel()[np.cumsum(begins) - 1], np.flatnonzero(begins)[first]
 
 
 def reverse_doubts(
