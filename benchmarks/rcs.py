@@ -1,9 +1,7 @@
-"""Speed and error of ss.rcs.
+"""Speed and error of ss.rcs: a sphere of 9,000 triangles, knobs, a car, full wave.
 
-a sphere of 9,000 triangles, a plain NumPy tracer of the same physics, knobs, a car, full wave.
-
-Run: ``python benchmarks/rcs.py [sphere] [numpy] [knobs] [car] [slope] [fullwave]``. By default the first three; each
-takes at most three minutes on two quiet cores. `car` and `slope` draw into docs/figures/.
+Run: ``python benchmarks/rcs.py [sphere] [knobs] [car] [slope] [fullwave]``. By default the first two; each takes at
+most three minutes on two quiet cores. `car` and `slope` draw into docs/figures/.
 """
 
 from __future__ import annotations
@@ -44,55 +42,6 @@ def with_rays(body: Body) -> Body:
     return replace(body, free=np.zeros_like(body.free))
 
 
-def numpy_tracer(mesh: trimesh.Trimesh, spacing: float, wavelength: float, chunk: int = 256) -> tuple[float, int]:
-    """Return the co-polar RCS of a metal body by shooting rays in plain NumPy, and the number of rays.
-
-    A square tube of side h around each ray of a grid, one bounce of physical optics with the phase integrated over the
-    tube's footprint, and the reflected ray tested against the mesh. Each ray is tested against each triangle.
-    """
-    k = 2 * np.pi / wavelength
-    r_hat = np.array([np.sin(THETA) * np.cos(PHI), np.sin(THETA) * np.sin(PHI), np.cos(THETA)])
-    u = np.cross([0.0, 0.0, 1.0], r_hat)
-    u /= np.linalg.norm(u)
-    v = np.cross(r_hat, u)
-    reach = float(np.linalg.norm(mesh.vertices, axis=1).max())
-    h = spacing * wavelength
-    axis = np.arange(-reach, reach + h, h)
-    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    origins = grid[:, :1] * u + grid[:, 1:] * v + 2 * reach * r_hat
-    total = 0j
-    for first in range(0, len(origins), chunk):
-        start = origins[first : first + chunk]
-        face, distance = _brute_force(mesh.triangles, start, np.broadcast_to(-r_hat, start.shape))
-        hit = face >= 0
-        points, normal = start[hit] - distance[hit, None] * r_hat, mesh.face_normals[face[hit]]
-        cosine = normal @ r_hat
-        slopes = [normal @ axis / cosine for axis in (u, v)]
-        footprint = np.sinc(k * h * slopes[0] / np.pi) * np.sinc(k * h * slopes[1] / np.pi)
-        onward = 2 * cosine[:, None] * normal - r_hat
-        again, _ = _brute_force(mesh.triangles, points + 1e-6 * normal, onward)
-        assert not np.any(again >= 0)  # a sphere is convex
-        total += np.sum(h * h * footprint * np.exp(2j * k * points @ r_hat))
-    return float(4 * np.pi * abs(k / (2 * np.pi) * total) ** 2), len(origins)
-
-
-def _brute_force(triangles, origins, directions):
-    """Return the first triangle of each ray (-1: none) and its distance, after Moeller and Trumbore."""
-    a, edge_b, edge_c = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    p = np.cross(directions[:, None, :], edge_c[None])
-    determinant = np.einsum("rtk,tk->rt", p, edge_b)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = origins[:, None, :] - a[None]
-        x = np.einsum("rtk,rtk->rt", t, p) / determinant
-        q = np.cross(t, edge_b[None])
-        y = np.einsum("rk,rtk->rt", directions, q) / determinant
-        distance = np.einsum("tk,rtk->rt", edge_c, q) / determinant
-        distance = np.where((x >= 0) & (y >= 0) & (x + y <= 1) & (distance > 1e-9), distance, np.inf)
-    face = distance.argmin(axis=1)
-    nearest = distance[np.arange(len(face)), face]
-    return np.where(np.isfinite(nearest), face, -1), nearest
-
-
 def bench_sphere() -> None:
     print("\nSphere of 9,024 triangles at 76.5 GHz, one ray per wavelength, one angle (bar: 3 CPU seconds)")
     for radius in (0.5, 1.0):
@@ -103,23 +52,6 @@ def bench_sphere() -> None:
             level = dbsm(rcs(case, FREQUENCY, THETA, PHI))
             print(f"  radius {radius} m, {name:40s} {timing}   {level:8.4f} dBsm")
         print(f"  radius {radius} m, {'mesh made ready (once)':40s} {measure(lambda mesh=mesh: load_body(mesh), 3)}")
-
-
-def bench_numpy(radius: float = 0.15) -> None:
-    mesh = sphere(radius)
-    body = load_body(mesh)
-    print(f"\nThe same sphere of radius {radius} m against a plain NumPy tracer (each ray against each triangle)")
-    exact = dbsm(rcs(with_rays(body), FREQUENCY, THETA, PHI, settings=SbrSettings(edge_spacing=1 / 16)))
-    for name, case in (("ss.rcs, every face probed", with_rays(body)), ("ss.rcs", body)):
-        timing = measure(lambda case=case: rcs(case, FREQUENCY, THETA, PHI), repeats=3)
-        print(f"  {name:40s} {timing}   error {dbsm(rcs(case, FREQUENCY, THETA, PHI)) - exact:+8.4f} dB")
-        if case is not body:
-            slowest = timing.cpu
-    result = []
-    timing = measure(lambda: result.append(numpy_tracer(mesh, 1.0, SPEED_OF_LIGHT / FREQUENCY)), 1, 0)
-    sigma, count = result[-1]
-    print(f"  {'NumPy, ' + str(count) + ' rays':40s} {timing}   error {dbsm(sigma) - exact:+8.4f} dB")
-    print(f"  ratio of CPU seconds, every face probed: {timing.cpu / slowest:.0f} (bar: 20)")
 
 
 def bench_knobs() -> None:
@@ -285,10 +217,9 @@ def chart(across: str, up: str, name: str):
 
 
 def main() -> None:
-    chosen = sys.argv[1:] or ["sphere", "numpy", "knobs"]
+    chosen = sys.argv[1:] or ["sphere", "knobs"]
     known = {
         "sphere": bench_sphere,
-        "numpy": bench_numpy,
         "knobs": bench_knobs,
         "car": bench_car,
         "slope": bench_slope,
