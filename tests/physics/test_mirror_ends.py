@@ -203,11 +203,12 @@ def test_a_plate_seen_over_the_end_of_a_wall_is_the_integral_over_it(tmp_path, m
     assert 20.0 * np.log10(found[0] / found[1] / expected) == pytest.approx(0.0, abs=0.7)
 
 
-def test_what_stands_before_a_seam_for_a_moment_makes_no_end_of_it(tmp_path) -> None:
-    """Two walls in one plane, and a plate that passes 1 cm before their seam: at no time does the first one end."""
+@pytest.mark.parametrize("gap", [0.01, 5e-5])
+def test_what_stands_before_a_seam_for_a_moment_makes_no_end_of_it(tmp_path, gap: float) -> None:
+    """Two walls in one plane, and a plate that passes right before their seam: at no time does the first one end."""
     first, second = (box((8.0, 0.2, 4.0), (middle, WALL + 0.1, 0.0)) for middle in (END - 4.0, END + 4.0))
     track = {"kind": "constant_twist", "position": (0.0, 0.0, 0.0), "velocity": (0.0, -20.0, 0.0)}
-    plate = Thing("plate", box((0.6, 0.002, 4.0), (END, WALL - 0.01, 0.0)), "Car", "steel", track)
+    plate = Thing("plate", box((0.6, 0.002, 4.0), (END, WALL - gap - 0.001, 0.0)), "Car", "steel", track)
     walls = [Thing("one", first, "Wall", "steel"), Thing("other", second, "Wall", "steel")]
     street = load_scene(write_scene(tmp_path, walls, [plate]))
     for state in (street.at(0.0), street.at(0.9)):

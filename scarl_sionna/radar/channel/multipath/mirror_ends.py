@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -197,21 +197,26 @@ def with_free_edges(
 def _met_standing(state: WorldState, start: Array, direction: Array, limit: Array) -> tuple[Index, Index]:
     """Return which rays meet something that stands still nearer than their limit, and the face that each meets first.
 
-    What moves is passed through.
+    What moves is passed through. Behind it is looked from the limit backwards, so that what stands right behind it is
+    not passed with it.
     """
-    triangles, actor = state._triangles, state.world.parts.actor
+    actor = state.world.parts.actor[state._triangles.part]
     scene = scene_near(state, _FRAME * np.round(start.mean(axis=0) / _FRAME), "optical")
-    target = Target(scene, triangles, state.point_velocity)
-    rows, gone = np.arange(len(start)), np.zeros(len(start))
+    target = Target(scene, state._triangles, state.point_velocity)
     found = np.full(len(start), -1, dtype=np.int64)
-    while len(rows):
-        hits = cast_rays(target, start[rows] + gone[rows, None] * direction[rows], direction[rows], float(limit.max()))
-        met, face, distance = rows[hits.ray], hits.face, hits.distance
-        near = gone[met] + distance < limit[met]
-        moves = actor[triangles.part[face]] >= 0
-        found[met[near & ~moves]] = face[near & ~moves]
-        rows = met[near & moves]
-        gone[rows] += distance[near & moves] + SAME_CORNER
+    hits = cast_rays(target, start, direction, float(limit.max()))
+    near = hits.distance < limit[hits.ray]
+    moves = actor[hits.face] >= 0
+    found[hits.ray[near & ~moves]] = hits.face[near & ~moves]
+    rows = hits.ray[near & moves]
+    left = limit.copy()
+    while len(rows):  # the last one on the way back is the first on the way there
+        hits = cast_rays(target, start[rows] + left[rows, None] * direction[rows], -direction[rows], float(limit.max()))
+        met, before = rows[hits.ray], hits.distance < left[rows[hits.ray]]
+        stands = before & (actor[hits.face] < 0)
+        found[met[stands]] = hits.face[stands]
+        rows = met[before]
+        left[rows] -= hits.distance[before] + SAME_CORNER
     ray = np.flatnonzero(found >= 0)
     return ray, found[ray]
 
@@ -492,6 +497,9 @@ def _side_by_side(points: Array) -> Index:
     return np.argsort(key, kind="stable")
 
 
-_standing: WeakKeyDictionary[World, dict[tuple[int, int, float, float], Outline]] = WeakKeyDictionary()
-_moving: WeakKeyDictionary[WorldState, dict[tuple[int, int, float, float], Outline]] = WeakKeyDictionary()
-"""Outlines of mirrors on parts that stand still, and on those of actors."""
+_Known: TypeAlias = "dict[tuple[int, int, float, float], Outline]"
+"""Outlines of mirrors by their first face and number of faces, the side that counts, and the thickness."""
+_standing: WeakKeyDictionary[World, _Known] = WeakKeyDictionary()
+"""Of mirrors on parts that stand still."""
+_moving: WeakKeyDictionary[WorldState, _Known] = WeakKeyDictionary()
+"""Of mirrors on parts of actors."""
