@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -164,6 +165,35 @@ def pair_factors(array: AntennaArray, vectors: npt.ArrayLike) -> Complex:
     size = np.stack([_size(sent) * _size(heard) for sent in tx for heard in rx], axis=-1)
     crossed = (np.abs(factor) ** 2 <= CROSSED_SHARE * size**2).all(axis=-1)
     return np.where(crossed[..., None], size, factor)
+
+
+class PairPolarization(NamedTuple):
+    """How some pairs of an array are polarised, see :func:`pair_polarizations`."""
+
+    share: float
+    """Of all pairs."""
+    sent: Complex
+    """V and H part of the field that the transmitters send, unit vector of shape (2,)."""
+    heard: Complex
+    """The same of the receivers."""
+
+
+def pair_polarizations(array: AntennaArray) -> list[PairPolarization]:
+    """Return the different polarisations of an array's pairs, each antenna's ahead of it.
+
+    By definition.
+    """
+    ends = []
+    for elements in (array.tx, array.rx):
+        alike = [one.with_(pattern=IsotropicPattern(), cross_polar_pattern=None) for one in elements]
+        ahead = [element_field(one, one.radar_from_antenna[:, 0]) for one in alike]
+        ends.append(Counter(tuple(np.round(one / _size(one), 12).tolist()) for one in ahead))
+    pairs = array.num_tx * array.num_rx
+    return [
+        PairPolarization(count * other / pairs, np.array(sent), np.array(heard))
+        for sent, count in ends[0].items()
+        for heard, other in ends[1].items()
+    ]
 
 
 def _size(field: Complex) -> Array:

@@ -181,7 +181,8 @@ class SbrSettings(Spec):
         None,
         description="scene: a pair of radars is solved from either end, each with half of the field: exchanged they "
         "see the same, which physical optics alone does not give off its flashes, for twice the time. None: in a "
-        "network, which solves both senses of its pairs anyway (docs/sbr.md)",
+        "network, which solves both senses of its pairs anyway. One radar with antennas of several polarisations hears "
+        "chains of bounces in both senses, HV as VH, unless this is False (docs/sbr.md)",
     )
     grazing_cosine: float = Field(
         0.02,

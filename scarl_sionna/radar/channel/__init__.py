@@ -25,6 +25,7 @@ from .multipath.solve import solve_sionna
 from .panes import warn_of_panes
 from .range_end import fading_out
 from .raycast.solve import solve_raycast
+from .sbr.reciprocity import with_reverses
 from .sbr.solve import solve_sbr
 from .scatterers import solve_scatterers
 
@@ -111,10 +112,20 @@ def solve_paths(
         count, level = chosen.num_band_frequencies, chosen.warn_at.band_error
         with few_threads():
             found = solved_over_band(lambda tuned: solve(state, tuned, place, chosen, other), radar, count, level)
-        return fading_out(found, reach)
-    warn_of_band(state, radar, chosen.warn_at)
-    with few_threads():
-        return fading_out(solve(state, radar, place, chosen, other), reach)
+    else:
+        warn_of_band(state, radar, chosen.warn_at)
+        with few_threads():
+            found = solve(state, radar, place, chosen, other)
+    if other is None and _is_reciprocal(radar, chosen):
+        found = with_reverses(state, found)
+    return fading_out(found, reach)
+
+
+def _is_reciprocal(radar: RadarSpec, settings: RadarSettings) -> bool:
+    """Return whether physical optics has a part in a solve, and its two senses are to look alike."""
+    if radar.array.is_of_one_polarization:  # to which they do
+        return False
+    return settings.method == "auto" or (settings.method in ("sbr", "hybrid") and settings.sbr.reciprocal is not False)
 
 
 def settings_of(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:

@@ -18,7 +18,7 @@ from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.sbr.solve import of_both_senses
+from scarl_sionna.radar.channel.sbr.reciprocity import of_both_senses
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import raw_data
@@ -157,15 +157,15 @@ def network_paths(
     found: dict[Pair, RadarPaths] = {}
     chosen = settings or RadarSettings(method="sbr")
     is_mean = points is None and chosen.method == "sbr" and chosen.sbr.reciprocal is not False
-    if is_mean:  # each sense once, whoever sends
-        chosen = chosen.with_(sbr=chosen.sbr.with_(reciprocal=False))
+    one_sense = chosen.with_(sbr=chosen.sbr.with_(reciprocal=False)) if is_mean else chosen  # once, whoever sends
     for tx, rx in network.pairs:
         here, there = network.places[tx], None if tx == rx else network.places[rx]
         if points is not None:
             given: dict[str, Any] = {} if settings is None or state is None else {"settings": settings}
             found[tx, rx] = point_targets(*points, network.radar, here, state, there, **given)
         elif state is not None:
-            found[tx, rx] = solve_paths(state, network.radar, here, settings=chosen, receiver=there)
+            wanted = chosen if there is None else one_sense
+            found[tx, rx] = solve_paths(state, network.radar, here, settings=wanted, receiver=there)
     if state is None:
         return found
     if is_mean:

@@ -13,7 +13,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 
 from .body.mesh import Body
-from .far_field import footprints_seen, phase_weights
+from .far_field import both_senses, footprints_seen, phase_weights
 from .fields import HOST, Wave, radiating_vector
 from .plane_waves import Looks, Plan, bounces, plan_of
 from .surfaces import PartSurfaces
@@ -175,7 +175,9 @@ class FixedTubes:
         fields = self.weight[:, None] * np.einsum("nri,nit->nrt", self.plan.receive[view], vector).reshape(-1, 4)
         count = len(self.plan.look)
         columns = [np.bincount(self.look, c.real, count) + 1j * np.bincount(self.look, c.imag, count) for c in fields.T]
-        return np.stack(columns, axis=1).reshape(-1, 2, 2)
+        backward = np.empty(count, dtype=np.bool_)
+        backward[self.plan.look] = np.repeat(self.plan.backward, np.diff(self.plan.first_look))
+        return both_senses(np.stack(columns, axis=1).reshape(-1, 2, 2), backward)
 
 
 def _append(columns: dict[str, list[npt.NDArray[Any]]], **values: npt.NDArray[Any]) -> None:

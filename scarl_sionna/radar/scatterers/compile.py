@@ -18,6 +18,7 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.radar.optics.body.mesh import Body
 from scarl_sionna.radar.optics.body.parts import Material, Mesh, check_size, load_body, material_names, surfaces_of
+from scarl_sionna.radar.optics.far_field import both_senses
 from scarl_sionna.radar.optics.phase import many_plane_wave_integrals
 from scarl_sionna.radar.optics.surfaces import PartSurfaces
 from scarl_sionna.scene.materials.table import MaterialTable
@@ -287,9 +288,11 @@ def _summed(
     strength = many_plane_wave_integrals(points, found.twice_area(), wave_vectors)
     strength *= (np.linalg.norm(wave_vectors, axis=1) / (8.0 * np.pi)).astype(np.float32)[:, None]  # k / 4 pi
     amplitude = (-1j * found.amplitude).reshape(-1, 4).astype(np.complex64)
+    mean = both_senses(found.amplitude, np.ones(len(found), dtype=np.bool_))  # of what is seen where it is lit from
+    sent = (-1j * mean).reshape(-1, 4).astype(np.complex64)
     values = np.zeros((len(wave_vectors), len(keys), 4), dtype=np.complex64)
     for entry in range(4) if len(keys) else ():
-        values[:, :, entry] = np.add.reduceat(strength * amplitude[:, entry], first, axis=1)
+        values[:, :, entry] = np.add.reduceat(strength * sent[:, entry], first, axis=1)
     return values, np.abs(strength[-1].astype(np.complex128)) ** 2 * np.sum(np.abs(amplitude) ** 2, axis=1)
 
 

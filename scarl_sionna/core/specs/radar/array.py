@@ -106,6 +106,15 @@ class AntennaArray(Spec):
         return not (self.tx_elements or self.rx_elements or phased or self.radome)
 
     @property
+    def is_of_one_polarization(self) -> bool:
+        """Whether all antennas send and hear V alone, or all H alone, so that no cross-polar echo is heard.
+
+        What a radome turns aside.
+        """
+        kinds = {one.polarization for one in (*self.tx, *self.rx)}
+        return kinds in ({"V"}, {"H"}) and not any(one.is_slanted for one in (*self.tx_elements, *self.rx_elements))
+
+    @property
     def has_echo(self) -> bool:
         """Whether the radome's echo is in the raw data."""
         return self.radome is not None and self.radome.echo

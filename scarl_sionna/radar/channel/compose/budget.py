@@ -20,7 +20,7 @@ from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings, SbrLevel
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
-from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
+from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity, heard_share
 from scarl_sionna.radar.channel.sbr.cost import patches_in
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.tubes.tube_shape import middle
@@ -127,7 +127,8 @@ class Estimates:
 
     @cached_property
     def _reflectivity(self) -> Array:
-        return class_reflectivity()
+        """Of each class, as the best pair of antennas hears it."""
+        return np.asarray(class_reflectivity() * heard_share(self.radar.array))
 
     def of(self, number: int) -> Estimate:
         """Return what an instance can be."""

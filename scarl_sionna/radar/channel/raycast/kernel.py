@@ -30,7 +30,7 @@ from scarl_sionna.scene.materials.rough import layer_albedo, scattered_part
 from scarl_sionna.scene.materials.table import RadioMaterial
 from scarl_sionna.signal.link import radar_gain
 
-from .class_rcs import class_reflectivity, rough_ground
+from .class_rcs import class_crossed, class_reflectivity, rough_ground
 from .grid import RayGrid
 from .thinning import ResolutionCells, cell_number
 
@@ -166,11 +166,14 @@ class RaycastKernel:
         rough = rough_ground(state.world, frequency, knobs, by_material)
         gamma = class_reflectivity(knobs.class_rcs)[state.world.parts.semantic]
         by_law = ~np.isnan(rough[:, 0])
+        by_class = np.zeros((len(by_law), rough.shape[1]))
+        if not array.is_of_one_polarization:  # which does not hear what is cross-polar
+            by_class[:, 1] = class_crossed(knobs.class_rcs)[state.world.parts.semantic]
         table = np.column_stack(
             [
                 [stacks.get(name, np.ones(8)) for name in state.world.parts.material],
                 np.where(by_law, 1.0, gamma) * owned,
-                np.where(by_law[:, None], rough, 0.0),
+                np.where(by_law[:, None], rough, by_class),
                 by_law,
             ]
         )
@@ -283,7 +286,7 @@ class RaycastKernel:
         row = hit.part * dr.opaque(mi.UInt32, self._width)
         column = [dr.gather(on.Real, self._table, row + k) for k in range(self._width)]
         film_re, film_im, film_depth, re, im, depth, behind_re, behind_im = column[:8]
-        gamma, rough, rough_crossed, layer, by_law = column[8:]
+        gamma, rough, crossed, layer, by_law = column[8:]
         pair = self._arithmetic.pair
         media = pair(film_re, film_im), pair(re, im), pair(behind_re, behind_im)
         (te, tm), _ = layers(self._arithmetic, media, (film_depth, depth), hit.cosine)
@@ -296,9 +299,10 @@ class RaycastKernel:
         vertical = dr.select(law, rough * scattered, te + fraction * (tm - te))
         horizontal = dr.select(law, rough * scattered, tm + fraction * (te - tm))
         squared = hit.distance * hit.distance
+        whole = dr.select(law, scattered, 0.5 * (te + tm))
         power = self._gain / (squared * squared) * gamma * (self._footprint + self._solid_angle * squared)
         gives = (power > 0.0) & (vertical + horizontal > 0.0) & (hit.distance < self._reach)
-        return _Reflected(power * vertical, power * horizontal, power * rough_crossed * scattered, gives)
+        return _Reflected(power * vertical, power * horizontal, power * crossed * whole, gives)
 
     def _require(self, face: npt.NDArray[np.int32]) -> None:
         """Raise if a material that is hit has no data."""

@@ -37,6 +37,7 @@ from .cost import Work, affordable, check_memory, with_knobs
 from .curve_warnings import warn_of_curves
 from .diffuse import rough_pieces, scattered_rows
 from .edge_rows import with_edges
+from .reciprocity import of_both_senses
 from .rows import CHANGES, OF_SMOOTH, Columns, above_floor, in_order, joined, received
 from .senses import ROUGH_KINDS, Kind, kinds_of, mirrored_back, reversed_rows, scattering_bounce
 from .tracing import Pair, Shared, shared_tracings
@@ -131,23 +132,6 @@ def solve_sbr(
     both = [solve_bodies(bodies, *pair, left_out) for pair in ends]
     found = both[0] if len(both) == 1 else of_both_senses(state, both)
     return replace(found, diagnostics={**found.diagnostics, "estimate": cost.report()})
-
-
-def of_both_senses(state: WorldState, both: Sequence[RadarPaths]) -> RadarPaths:
-    """Return the mean of the fields of a pair of radars and of the same pair with the ends exchanged.
-
-    By definition; the reciprocal pair is that of the two in the other order, with the same lengths and the transposed
-    fields. Of what rough surfaces scatter the powers have their mean, since the phases are drawn anew.
-    """
-    table = state.world.instances
-    halves = []
-    for paths in (both[0], both[1].reversed()):
-        share = np.where(paths.filled("random_phase"), np.sqrt(0.5), 0.5)
-        last = np.take_along_axis(paths.instance, paths.depth[:, None].astype(np.int64) - 1, axis=1)[:, 0]
-        names, place = np.unique(last, return_inverse=True)
-        semantic = np.array([table[int(number)].semantic for number in names], dtype=np.uint8)[place]
-        halves.append(replace(paths.scaled(share), semantic=semantic))
-    return RadarPaths.concatenate(halves, both[0].diagnostics)
 
 
 def stations_of(radar: RadarSpec, mount: Mount, receiver: Mount | None = None) -> tuple[Viewpoint, Viewpoint]:

@@ -66,6 +66,12 @@ class AntennaElement(Spec):
         return self
 
     @property
+    def is_slanted(self) -> bool:
+        """Whether the field of an antenna of V or H has parts along both in the radar frame, in some direction."""
+        turned = self.roll_deg != 0.0 or self.boresight_elevation_deg != 0.0 or self.basis != "spherical"
+        return turned or self.cross_polar_db is not None or self.cross_polar_pattern is not None
+
+    @property
     def radar_from_antenna(self) -> npt.NDArray[np.float64]:
         """Rotation from the antenna's frame to the radar's, shape (3, 3): azimuth about z, elevation, roll about x."""
         azimuth, elevation, roll = np.radians([self.boresight_azimuth_deg, self.boresight_elevation_deg, self.roll_deg])
