@@ -196,6 +196,14 @@ def pair_polarizations(array: AntennaArray) -> list[PairPolarization]:
     ]
 
 
+def is_crossed(array: AntennaArray) -> bool:
+    """Return whether no pair of an array hears what a sphere sends back, such as V that sends and H that hears.
+
+    By definition, with `CROSSED_SHARE`.
+    """
+    return all(abs(np.dot(sent, heard)) ** 2 < CROSSED_SHARE for _, sent, heard in pair_polarizations(array))
+
+
 def _size(field: Complex) -> Array:
     return np.linalg.norm(field, axis=-1)
 

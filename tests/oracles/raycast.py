@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity, rough_ground
+from scarl_sionna.radar.channel.raycast.class_rcs import class_crossed, class_reflectivity, rough_ground
 from scarl_sionna.radar.channel.raycast.grid import RayGrid
 from scarl_sionna.scene.materials.fresnel import power_reflectance, te_fraction_of_h
 from scarl_sionna.scene.materials.rough import scattered_part
@@ -37,6 +37,8 @@ def columns(state, radar, mount, knobs, reach):
     for part in np.unique(hits.part):
         rows = np.flatnonzero(hits.part == part)
         rough[rows] *= scattered_part(state.world.materials[parts.material[part]], frequency, cosine[rows])[:, None]
+    by_class = (vv + hh) / 2.0 * class_crossed(knobs.class_rcs)[parts.semantic[hits.part]]
+    by_class *= not radar.array.is_of_one_polarization
     ground = ~np.isnan(rough[:, 0])
     vv[ground] = hh[ground] = rough[ground, 0]
     footprint = 4.34e-4 if knobs.rcs_model == "per_hit" else grid.solid_angle * hits.distance**2
@@ -49,7 +51,7 @@ def columns(state, radar, mount, knobs, reach):
         "length_rate": 2.0 * np.einsum("ij,ij->i", velocity, world[hits.ray]),
         "vv": np.sqrt(power * vv),
         "hh": np.sqrt(power * hh),
-        "vh": np.sqrt(power * np.where(ground, rough[:, 1], 0.0)),
+        "vh": np.sqrt(power * np.where(ground, rough[:, 1], by_class)),
         "instance": parts.instance[hits.part],
         "ray": hits.ray,
     }

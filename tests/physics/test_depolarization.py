@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
+from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.radar.channel.raycast.class_rcs import class_crossed
+from scarl_sionna.radar.link import received_amplitude
 from scarl_sionna.scene.materials.depolarization import rough_matrix
-from tests.scenes import Material, Thing, plane, write_scene
+from tests.scenes import Material, Thing, ball, plane, write_scene
 
 HALF = np.sqrt(0.5)
 FIELDS = {
@@ -108,3 +111,31 @@ def test_all_pairs_of_polarisations_by_all_solvers(tmp_path: Path, material: str
         assert power / whole == pytest.approx(closed(sent, heard, share), abs=5.0 * spread)
     # no phase is common to co- and cross-polar parts
     assert abs(np.sum(a[:, 0, 0] * a[:, 0, 1].conj())) / whole < 5.0 * spread
+
+
+def test_what_goes_by_class_has_the_cross_polar_part_of_its_class(tmp_path: Path) -> None:
+    """A steel ball called a pedestrian, which reflects V and H alike, heard by crossed antennas at any roll."""
+    ball_of = [Thing("ball", ball(0.5, (10.0, 0.0, 1.0)), "Pedestrian", "steel")]
+    state = ss.load_scene(write_scene(tmp_path, ball_of)).at(0.0)
+    own = ss.AntennaArray(tx_positions=[(0, 0, 0)], rx_positions=[(0, 0, 0)], pattern=IsotropicPattern())
+    one = ss.RadarSpec(array=own, azimuth_fov_deg=8.0, elevation_fov_deg=8.0)
+    ratio = class_crossed()[semantic_id("Pedestrian")]
+    assert 0.01 < ratio < 0.03
+    plain = ss.solve_paths(state, one, ss.Pose([0.0, 0.0, 1.0]), "raycast", num_rays=20_000, hits_per_cell=None)
+    assert not plain.a[:, 0, 1].any() and not plain.a[:, 1, 0].any()  # antennas of one polarisation do not hear it
+    radar = one.with_(rx_elements=(ss.AntennaElement(polarization="H"),))
+    for roll_deg in (0.0, 30.0, 45.0):
+        pose = ss.Pose.from_euler([0.0, 0.0, 1.0], roll=np.radians(roll_deg))
+        found = ss.solve_paths(state, radar, pose, "raycast", num_rays=20_000, hits_per_cell=None)
+        a = found.a
+        assert len(a) > 2_000 and np.array_equal(a, a.transpose(0, 2, 1))
+        whole = np.sum(np.abs(a[:, 0, 0]) ** 2)
+        assert whole == pytest.approx(np.sum(np.abs(plain.a[:, 0, 0]) ** 2), rel=0.02)  # the edge cuts other rays
+        spread = 5.0 / np.sqrt(len(a))
+        assert abs(np.sum(a[:, 0, 0] * a[:, 0, 1].conj())) / whole < spread * np.sqrt(ratio)
+        for (sent, heard), power in powers(a).items():
+            expected = (1.0 + ratio) * closed(sent, heard, ratio / (1.0 + ratio))
+            assert power / whole == pytest.approx(expected, abs=spread * np.sqrt(ratio)), (sent, heard)
+        heard = np.abs(received_amplitude(a, found.tx_point - pose.position, found.tx_point - pose.position, radar))
+        gain = whole * ratio * 1e-3 * 10.0 ** (radar.front_end.tx_power_dbm / 10.0)
+        assert np.sum(heard**2) == pytest.approx(gain, rel=1e-3)

@@ -13,6 +13,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.optics import far_field as bodies
 from scarl_sionna.radar.optics.edges import far_field
 from scarl_sionna.radar.optics.edges.across import Crossings
 from scarl_sionna.radar.optics.edges.far_field import body_wedges
@@ -177,6 +178,7 @@ def test_far_away_a_scene_is_the_far_field(tmp_path, monkeypatch, receive_deg) -
             if name == "body":
                 one_way = property(lambda self: np.ones(len(self), dtype=bool))
                 monkeypatch.setattr(Looks, "is_backward", one_way)  # a scene's pair is not symmetrised
+                monkeypatch.setattr(bodies, "both_senses", lambda matrices, backward: matrices)
                 total.append(scattering_matrix(mesh, CARRIER, *there, "metal", *back, settings=knobs))
                 continue
             paths = solve_paths(state, RADAR, tx, method="sbr", receiver=None if same else rx, settings=knobs)

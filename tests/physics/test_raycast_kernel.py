@@ -39,12 +39,16 @@ def world(tmp_path_factory):
 LITERAL = {"rcs_model": "per_hit", "rough_ground": False, "grid": "regular"}
 
 
-@pytest.mark.parametrize(("weather", "knobs"), [("clear", LITERAL), ("heavy_rain", {})])
-def test_every_column_is_that_of_plain_numpy(world, weather: str, knobs: dict) -> None:
+@pytest.mark.parametrize(
+    ("weather", "knobs", "heard"), [("clear", LITERAL, "V"), ("heavy_rain", {}, "V"), ("clear", {}, "H")]
+)
+def test_every_column_is_that_of_plain_numpy(world, weather: str, knobs: dict, heard: str) -> None:
     state = world.with_weather(weather).at(0.4)
     films = sum(material.water_film > 0.0 for material in state.world.materials.values())
     assert films == (2 if weather == "heavy_rain" else 0)
     radar = ss.RadarSpec.preset("awr1843boost")
+    if heard != radar.array.polarization:
+        radar = radar.with_(rx_elements=(ss.AntennaElement(polarization=heard),))
     settings = RaycastSettings(num_rays=40_000, hits_per_cell=None, hit_phase="geometric", **knobs)
     paths = ss.solve_paths(state, radar, MOUNT, settings=ss.RadarSettings.of("raycast", raycast=settings))
     exact = oracle.columns(state, radar, MOUNT, settings, radar.max_range)

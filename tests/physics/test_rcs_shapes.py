@@ -9,7 +9,9 @@ from scipy.optimize import minimize_scalar
 from scipy.special import jn_zeros
 
 import scarl_sionna as ss
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.radar.optics import far_field
 from scarl_sionna.radar.rcs import load_body, scattering_matrix
 from tests.oracles import rcs as oracle
 
@@ -210,3 +212,30 @@ def test_dihedral_rolled(roll_deg):
             assert level == pytest.approx(20 * np.log10(abs(factor)), abs=0.2)
     if roll_deg == 0:
         assert abs(np.angle(-matrix[1, 1] / matrix[0, 0])) < np.deg2rad(2.0)  # S_hh = -S_vv, phase within 2 deg
+
+
+def two_plates(angle_deg: float) -> trimesh.Trimesh:
+    """Return plates of 0.2 and 0.35 m side by side at an angle, rolled."""
+    corners = []
+    for width, turned in ((0.2, 0.0), (0.35, np.radians(angle_deg))):
+        side = width * np.array([np.cos(turned), np.sin(turned), 0.0])
+        corners += [[0.0, 0.0, -0.125], [*side[:2], -0.125], [*side[:2], 0.125], [0.0, 0.0, 0.125]]
+    mesh = trimesh.Trimesh(corners, [(k, k + i, k + i + 1) for k in (0, 4) for i in (1, 2)], process=False)
+    return mesh.apply_transform(trimesh.transformations.rotation_matrix(0.4, (1, 1, 0)))
+
+
+@pytest.mark.parametrize("edges", [False, True])
+@pytest.mark.parametrize("angle_deg", [90.0, 75.0])
+def test_what_comes_back_is_reciprocal(angle_deg: float, edges: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """HV and VH of two bounces, by one sense alone up to 1 and 6.6 dB apart; VV and HH keep their bytes."""
+    body, theta = load_body(two_plates(angle_deg)), np.radians([80.0, 85.0, 90.0, 95.0])
+    knobs = SbrSettings(edge_diffraction=edges)
+    found = scattering_matrix(body, F77, theta, np.radians(50.0), settings=knobs)
+    assert np.array_equal(found, found.transpose(0, 2, 1))
+    monkeypatch.setattr(far_field, "both_senses", lambda matrices, backward: matrices)
+    alone = scattering_matrix(body, F77, theta, np.radians(50.0), settings=knobs)
+    apart = 20.0 * np.log10(np.abs(alone[:, 1, 0] / alone[:, 0, 1]))
+    assert np.abs(apart).max() > (5.0 if angle_deg == 75.0 else 0.5)
+    for entry in (0, 1):
+        assert found[:, entry, entry].tobytes() == alone[:, entry, entry].tobytes()
+    assert found[:, 0, 1] == pytest.approx(0.5 * (alone[:, 0, 1] + alone[:, 1, 0]))

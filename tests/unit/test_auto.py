@@ -17,11 +17,13 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.auto import AutoSettings
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.specs.radar.antennas.element import AntennaElement
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
 from scarl_sionna.radar.channel.compose.budget import Surface, estimate, smooth_share, surface_distance
 from scarl_sionna.radar.channel.compose.choose import level_of
+from scarl_sionna.radar.channel.raycast.class_rcs import class_crossed
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
@@ -384,6 +386,23 @@ def test_the_error_of_a_class_is_what_most_objects_keep() -> None:
     errors = np.abs([error for row in rows for error in row.values()])
     assert len(errors) > 1_500
     assert 0.85 <= np.mean(errors <= AutoSettings().errors.by_class_db) <= 0.9
+
+
+def test_crossed_antennas_have_the_error_of_what_a_class_sends_them(state) -> None:
+    """V that sends and H that hears: what is expected of a class is its cross-polar part, a guess within 68 dB."""
+    crossed = RADAR.with_(rx_elements=(AntennaElement(polarization="H"),))
+    errors = AutoSettings().errors
+    assert errors.by_class_crossed_db == 68.0 > errors.by_class_db
+    own, other = (estimate(state, radar, POSE, 7, 100.0) for radar in (RADAR, crossed))
+    assert own.info.name == "car"
+    ratio = class_crossed()[own.info.semantic]
+    assert other.expected_db - own.expected_db == pytest.approx(10.0 * np.log10(ratio), abs=1e-6)
+    assert other.bound_db == own.bound_db  # a body may turn all of it
+    with pytest.warns(ScarlWarning, match=r"expected to be within 68\.0 dB, the tolerance is 1 dB"):
+        poor = solve_paths(state, crossed, POSE, settings=SETTINGS, tube_budget=0)
+    assert poor.diagnostics["met"] is False and poor.diagnostics["expected_error_db"] == 68.0
+    car = poor.select(poor.instance[:, 0] == 7)
+    assert car.num_paths and np.all(np.abs(car.a[:, 1, 0]) > 0.0)
 
 
 def test_a_ground_bounce_that_is_not_computed_is_told(tmp_path) -> None:

@@ -16,12 +16,14 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SKY, semantic_id
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.raycast import GridKind
+from scarl_sionna.core.specs.radar.antennas.element import AntennaElement
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
+from scarl_sionna.radar.channel.raycast.class_rcs import class_crossed, class_reflectivity, heard_share
 from scarl_sionna.radar.channel.raycast.grid import RayGrid
 from scarl_sionna.radar.sensor import Radar
+from scarl_sionna.signal.antenna import is_crossed
 from tests.scenes import Material, Thing, box, plane, write_scene
 
 RADAR = RadarSpec().with_(num_chirps=8, num_samples=32)
@@ -250,3 +252,33 @@ def test_same_seed_same_frame_and_noise_can_be_left_out(state) -> None:
     assert ideal.adc_int.tobytes() == observe(5, noise=False).adc_int.tobytes() != one.adc_int.tobytes()
     assert one.adc_int.shape == (4, 24, 32, 2) and one.num_paths > 0 and one.num_saturated == 0
     assert set(one.diagnostics["seconds"]) == {"cast", "amplitude", "thin", "synthesize", "quantize", "label"}
+
+
+def test_classes_have_a_cross_polar_ratio_that_a_file_can_change(tmp_path) -> None:
+    ratio = class_crossed()
+    for index, name in enumerate(SEMANTIC_CLASSES):
+        assert (0.0 < ratio[index] < 0.5) == (index != SKY), name
+    path = tmp_path / "mine.toml"
+    path.write_text("[Car]\ngamma = 1.2\ncrossed = 0.2\n\n[Bus]\ngamma = 2.0\n")
+    expected = np.where(np.arange(len(ratio)) == semantic_id("Car"), 0.2, ratio)
+    assert np.array_equal(class_crossed(path), expected)
+    assert np.array_equal(class_crossed({"Car": 1.2}), ratio)
+    for bad in ("-0.1", "1.1", "true", "'much'"):
+        path.write_text(f"[Car]\ngamma = 1.2\ncrossed = {bad}\n")
+        with pytest.raises(ParameterRangeError, match="crossed of class 'Car'"):
+            class_crossed(path)
+
+
+def test_what_antennas_hear_of_a_class() -> None:
+    """V and V all, V and H the ratio r, slanted at right angles as well; opposite circular ones 1 - r."""
+    array, ratio = RADAR.array, class_crossed()
+    one = np.ones_like(ratio)
+    kinds = {("V", "V"): one, ("V", "H"): ratio, ("+45", "-45"): ratio, ("RHC", "LHC"): one - ratio}
+    for (sent, heard), expected in {**kinds, ("+45", "V"): (one + ratio) / 2.0}.items():
+        tx, rx = (AntennaElement(polarization=name) for name in (sent, heard))
+        some = array.with_(tx_elements=(tx,), rx_elements=(rx,))
+        assert heard_share(some) == pytest.approx(expected, abs=1e-9), (sent, heard)
+        assert some.is_of_one_polarization == ((sent, heard) == ("V", "V"))
+        assert is_crossed(some) == ((sent, heard) in (("V", "H"), ("+45", "-45")))
+    leaking = array.with_(rx_elements=(AntennaElement(cross_polar_db=-20.0),))
+    assert array.is_of_one_polarization and not leaking.is_of_one_polarization and not is_crossed(leaking)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
+from scarl_sionna.radar.channel.band_mean import mean_over_band
 from scarl_sionna.radar.channel.compose.expected_error import band_power, mean_power
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
@@ -40,3 +41,26 @@ def test_of_smooth_surfaces_it_is_the_power_of_the_sum() -> None:
     paths = echo(False, 0)
     assert total(mean_power, paths) == pytest.approx(total(band_power, paths), rel=1e-12, abs=0.0)
     assert total(mean_power, paths) != pytest.approx(total(mean_power, echo(False, 1)), rel=0.1, abs=0.0)
+
+
+def test_it_is_that_of_what_the_antennas_hear() -> None:
+    """H hears HH; V that sends and H that hears VH by both senses; receivers of V and of H the mean of their powers."""
+    a = np.array([[0.5, 0.2j], [0.1, -0.8]])
+    paths = replace(echo(False, 0), a=np.tile(a, (NUM, 1, 1)))
+    h, v = (ss.AntennaElement(polarization=name) for name in "HV")
+    array, most = RADAR.array, NUM**2 * mean_over_band_weight()
+    for changes, expected in (
+        ({}, 0.25),
+        ({"polarization": "H"}, 0.64),
+        ({"rx_elements": (h,)}, abs(0.05 + 0.1j) ** 2),
+        ({"rx_elements": (v, v, h, h)}, (0.25 + abs(0.05 + 0.1j) ** 2) / 2.0),
+    ):
+        radar = RADAR.with_(array=array.with_(**changes))
+        found = mean_power(paths, radar, np.arange(NUM), np.zeros(NUM, dtype=np.int64), 1, 16)[0]
+        assert found == pytest.approx(most * expected, rel=1e-9), changes
+
+
+def mean_over_band_weight() -> float:
+    """Return the sum of the weights over the band."""
+    one = np.zeros(1, dtype=np.int64)
+    return float(mean_over_band(np.ones(1, dtype=np.complex128), np.ones(1), one, RADAR, 16)[0])

@@ -19,6 +19,7 @@ from scarl_sionna.core.settings.auto import AutoSettings
 from scarl_sionna.core.settings.plan import ChannelPlan, Share
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.core.specs.radar.antennas.element import AntennaElement
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.load import load_scene
@@ -211,6 +212,10 @@ def test_what_bounces_both_ways_is_as_strong_either_way_and_a_lack_of_one_is_a_d
     for number in (1, 2):
         echo = power_db(replace(paths, a=paths.a * half[:, None, None]), number)
         assert found[number] == pytest.approx(20 * np.log10(1 + 10 ** ((field - echo) / 20)), rel=0.05)
+    crossed = RADAR.with_(rx_elements=(AntennaElement(polarization="H"),))  # the field of the other polarisations
+    turned = (half * paths.a[:, 0, 0])[:, None, None] * np.array([[0.0, 1.0], [1.0, 0.0]])
+    other = reverse_doubts(replace(paths, a=turned), crossed, (1, 2), (1, 2))
+    assert other == pytest.approx(found, rel=1e-9)
 
 
 @pytest.mark.own_process  # beside what a worker has already, it would pass the bound of memory
@@ -284,10 +289,11 @@ def test_an_error_over_the_tolerance_is_stated_so_and_with_a_remedy_that_there_i
 ) -> None:
     monkeypatch.setattr(verify, "kept_error", lambda *_: expected)
     settings = RadarSettings(accuracy=Accuracy(channel_tolerance_db=tolerance))
-    kept = met([], {}, SimpleNamespace(rules=settings.auto, settings=settings))
+    view = SimpleNamespace(rules=settings.auto, settings=settings)
+    kept = met([], {}, view)
     assert kept["met"] == (kept["expected_error_db"] <= tolerance) == (not stated)
     for level in LEVELS.values():
-        text = _missed(kept, SimpleNamespace(level=level), settings)
+        text = _missed(kept, SimpleNamespace(level=level), view)
         assert text.startswith("the echo of 90 %") == bool(stated)
         assert f"within {stated} dB, the tolerance is {tolerance:g} dB; " in text or not stated
         if stated and level.tolerance_db <= tolerance:

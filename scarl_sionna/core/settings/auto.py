@@ -175,6 +175,12 @@ class ErrorEstimate(Spec):
         description="error of an object that is left to its class's reflectivity: 88 % of 1,555 objects that `raycast` "
         "computes keep it [dB]; docs/accuracy.md, whole streets",
     )
+    by_class_crossed_db: Decibels = Field(
+        68.0,
+        ge=0.0,
+        description="the same for a radar all of whose pairs of antennas are crossed, such as V that sends and H that "
+        "hears: 88 % of the objects of 15 fields keep it [dB]; docs/accuracy.md, whole streets",
+    )
 
 
 _EARLIER = {"long_object", "vehicle_classes", "bounce_share", "max_bounces"}

@@ -31,7 +31,8 @@ class RaycastSettings(Spec):
     )
     class_rcs: Path | dict[str, float] | None = Field(
         None,
-        description="replaces entries of rcs_by_class.toml: dimensionless reflectivity by class, or path of a TOML",
+        description="replaces entries of rcs_by_class.toml: dimensionless reflectivity by class, or path of a TOML, "
+        "which may have the ratio of cross-polar power as well",
     )
     rough_ground: bool = Field(
         True,
@@ -42,7 +43,7 @@ class RaycastSettings(Spec):
         "rough",
         description="'rough': each hit stands for many unresolved scatterers and gets a fixed random phase; "
         "'geometric': only the phase of its distance, as in the paper; hits at exactly the same distance then add in "
-        "phase, but for the cross-polar part of the ground, which is random in either case",
+        "phase, but for the cross-polar part, which is random in either case",
     )
     hits_per_cell: int | None = Field(
         8,

@@ -97,7 +97,7 @@ def solve_auto(
     again = verified(view, chosen, plan, paths)
     paths = again.paths
     kept = met(choices, again.errors, view, again.levels)
-    _warn([_missed(kept, chosen, settings), _without_reflections(choices, view)])
+    _warn([_missed(kept, chosen, view), _without_reflections(choices, view)])
     diagnostics = dict(paths.diagnostics)
     diagnostics |= {
         "method": "auto",
@@ -182,23 +182,22 @@ def _without_reflections(choices: list[Choice], view: View) -> str:
     )
 
 
-def _missed(kept: Mapping[str, Any], chosen: Chosen, settings: RadarSettings) -> str:
+def _missed(kept: Mapping[str, Any], chosen: Chosen, view: View) -> str:
     """Return what is to be said of a tolerance that is not expected to be kept, and what the budget does not pay."""
     if kept["met"]:
         return ""
-    tolerance, level = settings.accuracy.channel_tolerance_db, chosen.level.tolerance_db
-    tubes, budget = affordable_tubes(settings.accuracy, settings.auto)
+    accuracy, rules = view.settings.accuracy, view.rules
+    tolerance, level = accuracy.channel_tolerance_db, chosen.level.tolerance_db
+    tubes, budget = affordable_tubes(accuracy, rules)
     short = []
     if kept["num_by_class"]:
-        short.append(
-            f"{kept['num_by_class']} of them have the RCS of their class, {settings.auto.errors.by_class_db:g} dB"
-        )
+        short.append(f"{kept['num_by_class']} of them have the RCS of their class, {rules.errors.by_class_db:g} dB")
     if level > tolerance and kept["num_by_class"] < kept["num_counted"]:
         short.append(f"the others are computed at the level of {level:g} dB")
     reason = f"a budget of {tubes} tubes pays for no more: {', '.join(short)}; " if short else ""
     if short:
         remedy = f"raise Accuracy.{budget}"
-    elif chosen.level == settings.auto.levels[-1]:
+    elif chosen.level == rules.levels[-1]:
         remedy = "no finer level is tested: give those with the largest expected error to 'sbr' with your own settings"
     else:
         remedy = "ask for a finer one"

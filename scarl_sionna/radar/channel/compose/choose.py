@@ -23,6 +23,7 @@ from scarl_sionna.radar.optics.faces.panes import pane_parts
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.scatterers.model import ScattererModel
+from scarl_sionna.signal.antenna import is_crossed
 
 from .budget import (
     Estimate,
@@ -68,10 +69,13 @@ class View:
         """world_from_radar."""
         return self.mount.pose
 
-    @property
+    @cached_property
     def rules(self) -> AutoSettings:
-        """The numbers that decide."""
-        return self.settings.auto
+        """The numbers that decide, of a class the error of what the radar hears."""
+        rules = self.settings.auto
+        if not is_crossed(self.radar.array):
+            return rules
+        return rules.with_(errors=rules.errors.with_(by_class_db=rules.errors.by_class_crossed_db))
 
     @property
     def reach(self) -> float:

@@ -12,8 +12,10 @@ from scarl_sionna.core.settings.auto import ErrorEstimate, SbrLevel
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, mean_over_band
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.signal.antenna import pair_polarizations
 
 Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
 
 
 LEAST_DB, MOST_DB = 1e-3, 99.0
@@ -59,7 +61,7 @@ def expected_errors(
     last = bodies >= level.max_depth
     whole = mean_power(paths, radar, rows, place, count, NUM_FREQUENCIES)
     beyond = mean_power(paths, radar, rows[last], place[last], count, NUM_FREQUENCIES)
-    apart = np.bincount(place, np.abs(paths.a[rows, 0, 0]) ** 2, count)
+    apart = np.bincount(place, _power(paths.a[rows], radar), count)
     chain, first = _chains(paths.instance[rows])
     alike = mean_power(paths, radar, rows, chain, len(first), NUM_FREQUENCIES)
     alike *= np.where(bodies[first] > 1, level.bounce_error, fit.way_error) ** 2
@@ -98,7 +100,7 @@ def reverse_doubts(
 
     Notes
     -----
-    A wave that meets object n first and another one last has a twin that runs the other way, with the same VV field
+    A wave that meets object n first and another one last has a twin that runs the other way, with the same field
     (reciprocity). The two are traced from other faces by other tubes, so with the sum A of all that begin at n and end
     elsewhere, and B of all that end at n and began elsewhere,
 
@@ -217,7 +219,7 @@ def mean_power(
     """
     rough = paths.filled("random_phase")[rows]
     found = band_power(paths, radar, rows[~rough], place[~rough], count, num_frequencies)
-    found += np.bincount(place[rough], np.abs(paths.a[rows[rough], 0, 0]) ** 2, count)
+    found += np.bincount(place[rough], _power(paths.a[rows[rough]], radar), count)
     return found
 
 
@@ -229,7 +231,9 @@ def band_power(
     count: int,
     num_frequencies: int,
 ) -> Array:
-    """Return the mean over the band of the power |sum a|^2 (VV) of groups of paths, shape (count,).
+    """Return the mean over the band of the power |sum a|^2 of groups of paths, shape (count,).
+
+    As the radar hears them, see :func:`heard`.
 
     Parameters
     ----------
@@ -243,6 +247,35 @@ def band_power(
         Over the sampled band, weighted by a Hann window.
     """
     power = np.zeros(count)
-    found = mean_over_band(paths.a[rows, 0, 0], paths.length[rows], place, radar, num_frequencies)
-    power[: len(found)] = found
+    for field in heard(paths.a[rows], radar):
+        found = mean_over_band(field, paths.length[rows], place, radar, num_frequencies)
+        power[: len(found)] += found
     return power
+
+
+def heard(a: Complex, radar: RadarSpec) -> list[Complex]:
+    """Return the fields of paths that a monostatic radar hears, each of shape (n,).
+
+    Parameters
+    ----------
+    a : ndarray of complex128, shape (n, 2, 2)
+        As in :class:`RadarPaths`.
+    radar : RadarSpec
+
+    Returns
+    -------
+    list of ndarray of complex128
+        VV where all antennas are V, HH where all are H; else of every polarisation of a pair, the powers of which are
+        to be added, times the root of its share of the pairs. By both senses of each path, whose lengths are the same.
+    """
+    array = radar.array
+    if array.is_of_one_polarization:
+        entry = "VH".index(str(array.tx[0].polarization))
+        return [a[:, entry, entry]]
+    mean = 0.5 * (a + a.transpose(0, 2, 1))
+    return [np.sqrt(share) * np.einsum("i,nij,j->n", rx, mean, tx) for share, tx, rx in pair_polarizations(array)]
+
+
+def _power(a: Complex, radar: RadarSpec) -> Array:
+    """Return the power of each path, shape (n,)."""
+    return np.asarray(sum(np.abs(field) ** 2 for field in heard(a, radar)))

@@ -105,7 +105,8 @@ def solve_raycast(
 
     with the power reflectance R of the part's radio material for the vertical and the horizontal polarisation; on the
     ground :math:`\sigma = \sigma^0 d^2 \Delta\Omega / \cos\theta` with the law of :func:`.rough.sigma0`, unless
-    `rough_ground` is off. The
+    `rough_ground` is off. Cross-polar is what the class or the material has of it, with the matrix of
+    :func:`.depolarization.rough_matrix`; of a class only where the antennas are not all V or all H. The
     paper prints lambda = f0 / c under its Eq. (4); the wavelength is c / f0.
 
     *Not modelled*: multiple reflections, coherence between neighbouring hits, shadow of the road bounce, acceleration
