@@ -29,7 +29,7 @@ from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.signal.noise import angle_cell_noise_power, sample_noise_power
 from tests.oracles.rcs import TRIHEDRAL_MESH
-from tests.scenes import Material, Thing, box, plane, write_scene
+from tests.scenes import Material, Thing, ball, box, plane, write_scene
 
 RADAR = RadarSpec()
 SETTINGS = RadarSettings(raycast={"num_rays": 100_000}, accuracy=Accuracy(tube_budget=10_000))
@@ -127,6 +127,16 @@ def test_without_a_budget_all_is_raycast(state) -> None:
     alone = solve_paths(state, RADAR, POSE, "raycast", settings=SETTINGS)
     kept = ~np.isin(alone.instance[:, 0], [key for key, info in state.world.instances.items() if info.name == "leaf"])
     assert none.a.tobytes() == alone.select(kept).a.tobytes()
+
+
+def test_a_floor_below_the_noise_reaches_the_patches(tmp_path) -> None:
+    """Patches of a ball of 0.3 m at 240 m are dropped at the floor of `sbr`, and kept at a lower one."""
+    state = load_scene(write_scene(tmp_path, [Thing("ball", ball(0.3, (240, 0, 1.3), 5), "Car", "steel")])).at(0.0)
+    rows = {floor: solve_paths(state, RADAR, POSE, channel_floor_db=floor).num_paths for floor in (-10.0, -60.0)}
+    plain = solve_paths(state, RADAR, POSE, channel_floor_db=-60.0).diagnostics["plan"]["shares"][0]["settings"]
+    assert rows[-60.0] > rows[-10.0] and plain["floor_db"] == -60.0
+    shares = plan_channel(state, RADAR, POSE, channel_floor_db=0.0).shares
+    assert [share.settings.floor_db for share in shares if share.solver == "sbr"] == [-10.0]
 
 
 def test_a_tolerance_sets_the_knobs() -> None:

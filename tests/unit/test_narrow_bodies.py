@@ -47,6 +47,15 @@ def test_a_bar_is_as_wide_as_it_is_however_it_is_turned(axis: tuple[int, int, in
     assert other == pytest.approx(1.5)
 
 
+def test_a_gap_between_bars_is_as_narrow_as_it_is() -> None:
+    """So that a gap has a probe; one through which hardly anything is seen needs none."""
+    for pitch, width in ((0.2, 0.03), (0.04, 0.01), (0.031, 0.03)):
+        bars = [box((0.03, 0.03, 2.5), (0.0, pitch * number, 0.01 * number)) for number in range(3)]
+        mesh = trimesh.util.concatenate(bars)
+        for found in _widths(NarrowBodies.of_mesh(np.asarray(mesh.triangles))):
+            assert found == pytest.approx(width, abs=0.003), pitch
+
+
 def test_balls_hold_what_is_in_them() -> None:
     places = np.random.default_rng(1).uniform(-5.0, 5.0, (40, 3))
     mesh = trimesh.util.concatenate([box((0.1, 0.2, 0.5), place) for place in places])

@@ -37,7 +37,8 @@ class Accuracy(Spec):
     channel_floor_db: Decibels = Field(
         -10.0,
         description="objects whose power is at most this far from the noise of one range-Doppler-angle cell [dB] are "
-        "not computed by 'auto'; docs/accuracy.md, what is left out",
+        "not computed by 'auto', nor patches below it where it is lower than the `floor_db` of 'sbr': far below the "
+        "noise for data without noise; docs/accuracy.md, what is left out",
     )
     tube_budget: int = Field(
         1_000_000,

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import Metres, Unit
+from scarl_sionna.core.units import Decibels, Metres, Unit
 
 from .sbr import SMALLEST_SIZE, Wavelengths
 
@@ -26,6 +26,12 @@ class WarningLevels(Spec):
         le=1.0,
         description="'sbr' warns if most of the power comes from patches met at less than this cosine: 6 deg, where "
         "diffraction is as strong; docs/sbr.md, where it breaks",
+    )
+    shadow_error: Decibels = Field(
+        1.0,
+        ge=0.0,
+        description="'sbr' warns if the echo of an instance may be off by more than this for shadows that its tubes "
+        "have not resolved [dB]; docs/sbr.md, where it breaks",
     )
     detuning: float = Field(
         0.01,

@@ -25,6 +25,7 @@ from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 
 from .faces.panes import DARK, MOST_PANES, Panes
 from .patches import PatchSize, split, too_many_patches
+from .tubes.checks import Lit, Points, spread_points
 from .tubes.cutting import Cut, Landing, Seen, cut_at_ends
 from .tubes.narrow import NarrowBodies
 from .tubes.probes import SAME_DISTANCE
@@ -43,6 +44,8 @@ Mask = npt.NDArray[np.bool_]
 _COARSE = 16.0
 """Faces are first cut into pieces so many times as long as patches, so that a batch of them is no more than some
 patches. Bounds the memory, decides no accuracy."""
+_FIRST = (1, 0)
+"""Place of what the transmitter lights first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +149,12 @@ class Tracer:
     same_way : callable, optional
         From chains of faces (n, depth) to those after which a transmitter that receives hears the last one over the
         others, too. Those that go on back over the same planes are left out then. Nothing is heard so if left out.
+    owner : ndarray of int64, shape (num_faces,), optional
+        Instance of each face; what is lit of each is checked then.
     count : Counter
         Tubes traced so far, by bounce.
+    checked : Lit
+        What is lit of instances, and what of that is wrong.
     """
 
     rays: StateRays
@@ -163,7 +170,9 @@ class Tracer:
     velocity: Array | None = None
     narrow: NarrowBodies | None = None
     same_way: Callable[[Index], Mask] | None = None
+    owner: Index | None = None
     count: Counter[int] = field(default_factory=Counter)
+    checked: Lit = field(default_factory=Lit)
 
     def bounces(self, face: Index, starts: Iterable[ImageTubes] | None = None) -> Iterator[ImageTubes]:
         """Yield what :meth:`tracing` finds, alone."""
@@ -189,7 +198,7 @@ class Tracer:
             while stack:
                 depth, tubes = stack.pop()
                 self.count[depth] += len(tubes)
-                lit = (yield from self._seen(tubes, self.tx, (1, 0))) if depth == 1 else tubes
+                lit = (yield from self._seen(tubes, self.tx, _FIRST)) if depth == 1 else tubes
                 for number in range(len(self.receivers)):
                     yield Branch(self._patches(number, depth, lit))
                     if self.receivers[number] is self.tx:
@@ -386,6 +395,11 @@ class Tracer:
         screen = Screen(start, station.window, station.view)
         target = Seen(self.rays, screen, tubes.face[:, -1], self.panes)
         corners, rows, dark = yield Cut(place, tubes.corners, spacings, target, self.settings)
+        if self.owner is not None and place == _FIRST and station.window is None:
+            owner = self.owner[tubes.face[rows, -1]]
+            some, points, share = spread_points(corners, start, owner)
+            asked = replace(target, face=tubes.face[rows[some], -1])
+            self.checked.add(owner[some], share, dark[some], (yield Points(place, points, asked)))
         lit = dark != DARK
         found = tubes.take(rows[lit], corners[lit])
         behind = np.flatnonzero(dark[lit] > DARK)

@@ -25,7 +25,7 @@ from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
-from .budget import affordable_tubes, sbr_settings
+from .budget import affordable_tubes
 from .choose import Chosen, View, choose, expected_error, expected_seconds, level_of
 from .hybrid import solve_hybrid
 from .left_out.entries import beyond_last_bounce, left_out
@@ -91,7 +91,7 @@ def solve_auto(
     choices = chosen.choices
     planned = time.perf_counter() - start
     level = first_level(view, chosen)
-    first = replace(plan, shares=tuple(_at_level(share, level) for share in plan.shares))
+    first = replace(plan, shares=tuple(_at_level(view, share, level) for share in plan.shares))
     paths = solve_hybrid(state, radar, mount, settings.with_(plan=first))
     plan, paths = as_found(plan, paths, radar, view.least_change_db)
     again = verified(view, chosen, plan, paths)
@@ -101,7 +101,7 @@ def solve_auto(
     diagnostics = dict(paths.diagnostics)
     diagnostics |= {
         "method": "auto",
-        "plan": replace(first, shares=tuple(_at_level(share, level) for share in plan.shares)).to_dict("python"),
+        "plan": replace(first, shares=tuple(_at_level(view, share, level) for share in plan.shares)).to_dict("python"),
         "tolerance_db": settings.accuracy.channel_tolerance_db,
         "level_db": chosen.level.tolerance_db,
         "first_level_db": level.tolerance_db,
@@ -220,7 +220,7 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
         own = [choice for choice in choices if choice.method == solver]
         if not own:
             continue
-        settings: Spec = sbr_settings(chosen.level)
+        settings: Spec = view.knobs(chosen.level)
         if solver == "scatterers":
             models = {choice.item.name: view.models[choice.item.name] for choice in own}
             settings = view.settings.scatterers.with_(models=models)
@@ -251,8 +251,8 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
     )
 
 
-def _at_level(share: Share, level: SbrLevel) -> Share:
-    return replace(share, settings=sbr_settings(level)) if share.solver == "sbr" else share
+def _at_level(view: View, share: Share, level: SbrLevel) -> Share:
+    return replace(share, settings=view.knobs(level)) if share.solver == "sbr" else share
 
 
 def _reflections(view: View, own: list[Choice]) -> tuple[Reflection, ...]:

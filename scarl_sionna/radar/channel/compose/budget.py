@@ -15,7 +15,7 @@ import trimesh
 from scarl_sionna.core.arrays.rows import row_max, row_norm
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings, SbrLevel
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -23,7 +23,7 @@ from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity, heard_share
 from scarl_sionna.radar.channel.sbr.cost import patches_in
 from scarl_sionna.radar.optics.patches import PatchSize
-from scarl_sionna.radar.optics.tubes.tube_shape import middle
+from scarl_sionna.radar.optics.tubes.tube_shape import middle, spread
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.signal.antenna import boresights, largest_field_gain
 from scarl_sionna.signal.link import radar_gain
@@ -209,10 +209,13 @@ def box_points(state: WorldState, number: int) -> Array:
 
 
 @lru_cache(maxsize=64)
-def sbr_settings(level: SbrLevel) -> SbrSettings:
-    """Return the knobs of `sbr` at a level."""
+def sbr_settings(level: SbrLevel, channel_floor_db: float = DEFAULT_ACCURACY.channel_floor_db) -> SbrSettings:
+    """Return the knobs of `sbr` at a level; its floor is that of the channel where that is lower [dB]."""
     others = {"tolerance_db", "growth", "patch_error", "bounce_error"}
-    return SbrSettings(**level.model_dump(exclude=others), max_turn=level.max_phase)
+    own = SbrSettings.model_fields["floor_db"].default
+    return SbrSettings(
+        **level.model_dump(exclude=others), max_turn=level.max_phase, floor_db=min(own, channel_floor_db)
+    )
 
 
 def num_tubes(first: float, turning: float, level: SbrLevel, rules: AutoSettings = DEFAULT_AUTO) -> int:
@@ -287,7 +290,7 @@ class Surface:
         """Return :meth:`lit_points` of several positions."""
         (u, v, w), found = self._cross, []
         x, y, z, shown, part = room = np.empty((5, len(self.corners)))
-        step, first, second = _spread(count)
+        step, first, second = spread(count)
         for position in positions:
             np.subtract(position[:, None], self._middle, out=room[:3])
             np.multiply(u, x, out=shown)
@@ -325,16 +328,6 @@ class SurfaceView(NamedTuple):
         """Return about how many tubes of a size start on the faces."""
         pieces = size.pieces_of(self.across / size.length(self.distance)[:, None])
         return float(pieces @ self.share)
-
-
-@lru_cache(maxsize=8)
-def _spread(count: int) -> tuple[Array, Array, Array]:
-    """Return steps from 0 to 1, and two coordinates in a triangle, evenly spread over it, for each of some points."""
-    step = (np.arange(count) + 0.5) / count
-    spread = np.array([0.7548776662, 0.5698402910])  # Roberts' sequence
-    first, second = (np.modf(step[:, None] * count * spread)[0]).T
-    flip = first + second > 1.0
-    return step, np.where(flip, 1.0 - first, first), np.where(flip, 1.0 - second, second)
 
 
 def _db(ratio: float) -> float:

@@ -141,8 +141,12 @@ class View:
             if number not in self._seen:
                 station = Viewpoint.of(self.radar, self.pose, np.zeros(3))
                 self._seen[number] = Surface.of(self.state, number).seen_from(station, self.reach)
-            self._first_tubes[key] = self._seen[number].first_tubes(PatchSize.of(self.radar, sbr_settings(level)))
+            self._first_tubes[key] = self._seen[number].first_tubes(PatchSize.of(self.radar, self.knobs(level)))
         return self._first_tubes[key]
+
+    def knobs(self, level: SbrLevel) -> SbrSettings:
+        """Return the knobs of `sbr` at a level, with the floor of the accuracy."""
+        return sbr_settings(level, self.settings.accuracy.channel_floor_db)
 
     def instance(self, mirror: Mirror) -> int:
         """Return the instance of a mirror."""

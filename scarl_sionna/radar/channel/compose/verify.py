@@ -2,7 +2,8 @@
 
 The formula of `expected_error` says which objects may be off by too much. They are computed one level finer, and what
 their echo differs by tells how far it still moves; a solve at the finest level begins one level coarser for that. What
-all levels lack shows where the two directions of a bounce differ, or may be where hardly anything is seen of an object.
+all levels lack shows where the two directions of a bounce differ, or may be where hardly anything is seen of an object,
+or where points between the probes of tubes are lit that these say are not.
 docs/accuracy.md, expected error.
 """
 
@@ -24,7 +25,7 @@ from scarl_sionna.core.settings.plan import ChannelPlan
 from scarl_sionna.engine.paths.tracing import DIFFUSE
 from scarl_sionna.radar.paths import RadarPaths
 
-from .budget import path_unit, sbr_settings
+from .budget import path_unit
 from .choose import ENOUGH, Chosen, View, counts, level_of, num_tubes_of
 from .expected_error import MOST_DB, expected_errors, keeps, kept_error, levels_db, owners, reverse_doubts
 from .hybrid import solve_hybrid
@@ -227,13 +228,20 @@ class _Work:
         tolerance = view.settings.accuracy.channel_tolerance_db
         compared = self.level.tolerance_db >= view.rules.errors.doubted_from_db
         reverse = reverse_doubts(self.before, view.radar, self.numbers, self.numbers) if compared else {}
+        shadows = _shadows_db(self.before)
         for number, choice in self.counted.items():
             seen = choice.sight.share * view.rules.num_probes
             few = 20.0 * np.log10(1.0 + seen**-0.5) if 0.0 < seen <= view.rules.few_probes else 0.0
-            both_ways = reverse.get(number, 0.0)
-            if few > tolerance or both_ways > view.rules.errors.doubt_share * tolerance:
-                result.doubts[number] = float(max(few, both_ways))
-                result.errors[number] = float(np.hypot(result.errors[number], result.doubts[number]))
+            both_ways, shadow = reverse.get(number, 0.0), shadows.get(number, 0.0)
+            if max(few, shadow) > tolerance or both_ways > view.rules.errors.doubt_share * tolerance:
+                result.doubts[number] = float(max(few, both_ways, shadow))
+                weighed = max(few, both_ways, self._weight(shadow))
+                result.errors[number] = float(np.hypot(result.errors[number], weighed))
+
+    def _weight(self, shadow: float) -> float:
+        """Return the expected error for shadows that are not resolved [dB]: a difference, since points measure them."""
+        tolerance = self.view.settings.accuracy.channel_tolerance_db
+        return self.view.rules.errors.difference * shadow if shadow > tolerance else 0.0
 
     def look(self, level: SbrLevel, budget: float) -> None:
         """Take the paths of a finer level for the cheapest objects that count."""
@@ -307,7 +315,7 @@ class _Work:
             shares.append(
                 replace(
                     share,
-                    settings=sbr_settings(level),
+                    settings=self.view.knobs(level),
                     lit=tuple(sorted(lit)),
                     through_mirrors=False,
                     reflections=tuple(item for item in over if item.instances),
@@ -333,6 +341,7 @@ class _Work:
         levels = levels_db(own, self.view.radar, self.numbers)
         some = [number for number in numbers if number in errors]
         self._compare(some, levels, errors)
+        self._doubt_again(some, _shadows_db(found))
         self.levels |= {number: levels[number] for number in some}
         result.levels |= {number: level for number, level in self._over_noise(levels).items() if number in some}
         result.refined = sorted({*result.refined, *numbers})
@@ -367,6 +376,20 @@ class _Work:
             error = float(np.hypot(fit.looked_at * errors[number], fit.difference * difference))
             result.differences[number] = difference
             result.errors[number] = self.undoubted[number] = error
+
+    def _doubt_again(self, numbers: Sequence[int], shadows: Mapping[int, float]) -> None:
+        """Bring shadows that are doubtful at the finer level, too, into the expected error of objects."""
+        result = self.result
+        for number in numbers:
+            if weighed := self._weight(shadow := shadows.get(number, 0.0)):
+                result.doubts[number] = shadow
+                result.errors[number] = float(np.hypot(result.errors[number], weighed))
+
+
+def _shadows_db(paths: RadarPaths) -> dict[int, float]:
+    """Return by how much the straight echo of objects is off for shadows that `sbr` has not resolved [dB]."""
+    rows = [row for row in paths.diagnostics["solvers"] if row["solver"] == "sbr" and "detail" in row]
+    return {number: error for row in rows for number, error in row["detail"]["shadows_db"].items()}
 
 
 def _among(chains: npt.NDArray[np.int32], others: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:

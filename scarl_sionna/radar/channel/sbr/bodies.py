@@ -116,6 +116,11 @@ class Bodies:
         return np.asarray(np.isin(self.state.world.parts.instance, instances)[self.faces.part])
 
     @cached_property
+    def owner(self) -> Index:
+        """Instance of each face, shape (num_faces,)."""
+        return np.asarray(self.state.world.parts.instance[self.faces.part], dtype=np.int64)
+
+    @cached_property
     def narrow(self) -> NarrowBodies:
         """Where bodies that scatter stand, so that none slips between the probes of a tube."""
         return _narrow(self.state, self._parts)

@@ -28,6 +28,7 @@ from scarl_sionna.radar.optics.elsewhere import with_changes
 from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import Heard
+from scarl_sionna.radar.optics.tubes.checks import Lit
 from scarl_sionna.radar.optics.tubes.together import together
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths, bend_of
@@ -40,6 +41,7 @@ from .edge_rows import with_edges
 from .reciprocity import of_both_senses
 from .rows import CHANGES, OF_SMOOTH, Columns, above_floor, in_order, joined, received
 from .senses import ROUGH_KINDS, Kind, kinds_of, mirrored_back, reversed_rows, scattering_bounce
+from .shadows import shadows_db, warn_of_shadows
 from .tracing import Pair, Shared, shared_tracings
 
 if TYPE_CHECKING:
@@ -77,7 +79,8 @@ def solve_sbr(
     Returns
     -------
     RadarPaths
-        ``diagnostics["estimate"]`` is what the solve was expected to cost, before it started. One row a patch, sorted.
+        ``diagnostics["estimate"]`` is what the solve was expected to cost, before it started, ``["shadows_db"]`` by
+        how much the echo of an instance (id) may be off for unresolved shadows [dB]. One row a patch, sorted.
         `tx_point` is the patch as the transmitter sees it through the mirrors before
         it, `rx_point` as the receiver sees it. The interaction ``DIFFUSE`` of a row is the scattering patch, mostly the
         last one, the others are mirror reflections.
@@ -98,8 +101,8 @@ def solve_sbr(
     Warns
     -----
     ScarlWarning
-        If an instance in view is smaller than 3 wavelengths or drawn with too few faces for a curve, or most of the
-        power comes from grazing patches.
+        If an instance in view is smaller than 3 wavelengths or drawn with too few faces for a curve, most of the
+        power comes from grazing patches, or shadows are finer than the rays.
 
     Notes
     -----
@@ -131,6 +134,8 @@ def solve_sbr(
     bodies = with_knobs(bodies, knobs[0])
     both = [solve_bodies(bodies, *pair, left_out) for pair in ends]
     found = both[0] if len(both) == 1 else of_both_senses(state, both)
+    table, errors = state.world.instances, found.diagnostics["shadows_db"]
+    warn_of_shadows({table[number].name: error for number, error in errors.items()}, settings.warn_at)
     return replace(found, diagnostics={**found.diagnostics, "estimate": cost.report()})
 
 
@@ -361,6 +366,10 @@ class _Solve:
             "num_patches": len(columns["length"]),
         }
         if tx.window is None and rx.window is None:  # of what the radar itself sees
+            checked = Lit()
+            for one in self.tracings:
+                checked.update(one.tracer.checked)
+            diagnostics["shadows_db"] = shadows_db(checked.wrong(), columns, bodies.radar)
             warn_of_curves(bodies, columns)
             _warn_of_grazing(bodies, columns["cosine"], amplitude**2)
         columns, diagnostics["floor"] = above_floor(columns, amplitude, bodies.radar, knobs.floor_db)

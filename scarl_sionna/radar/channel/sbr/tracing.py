@@ -82,6 +82,7 @@ def tracer_between(bodies: Bodies, stations: Sequence[Viewpoint]) -> Tracer:
         bodies.velocity,
         bodies.narrow,
         same_way,
+        bodies.owner,
     )
 
 

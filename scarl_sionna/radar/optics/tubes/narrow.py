@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.engine.device import Device
@@ -29,6 +30,10 @@ SLACK = 1.001
 """A ball around others is farther out than its radius by this factor at most: a guard against rounding."""
 MOST_PIECES = 128
 """A long body is a chain of so many balls at most; a longer one is seen by tubes side by side."""
+LEAST_GAP = 0.1
+"""Narrower gaps, as parts of the bodies beside them, are not looked for: no 10 dB of what is behind shows through."""
+NEAREST = 6
+"""Balls among which that of the next body is sought: a body's own are about twice its width apart."""
 MOST_BODIES = 4096
 """A mesh of more bodies, leaves for instance, counts as one."""
 
@@ -62,7 +67,8 @@ class NarrowBodies:
         label = connected_faces(corners)
         if label.max(initial=-1) >= MOST_BODIES:
             label = np.zeros_like(label)
-        center, radius, width = _covered(*_boxes(corners, label))
+        body, center, radius, width = _covered(*_boxes(corners, label))
+        width = np.minimum(width, _gaps(center, width, body))
         one = np.ones(len(radius), dtype=np.int64)
         return _tree(cls(center, radius, width, one), one)
 
@@ -209,8 +215,8 @@ def _boxes(corners: Array, label: Index) -> tuple[Array, Array, Array]:
     return tuple(np.where(turned[(...,) + (None,) * (a.ndim - 1)], b, a) for a, b in zip(along, across, strict=True))
 
 
-def _covered(middle: Array, size: Array, axes: Array) -> tuple[Array, Array, Array]:
-    """Return the balls of boxes: centres, radii, and widths of their boxes [m]."""
+def _covered(middle: Array, size: Array, axes: Array) -> tuple[Index, Array, Array, Array]:
+    """Return the balls of boxes: number of the box, centres, radii, and widths of their boxes [m]."""
     extents = np.sort(size, axis=1)
     count = np.ceil(extents[:, 2] / np.maximum(2.0 * extents[:, 1], 1e-9)).astype(np.int64)
     kept = np.flatnonzero((count <= MOST_PIECES) & (extents[:, 1] > 0.0))
@@ -221,4 +227,21 @@ def _covered(middle: Array, size: Array, axes: Array) -> tuple[Array, Array, Arr
     piece = size[of_piece]
     center = middle[of_piece] + (share * piece[row, along])[:, None] * axes[of_piece, along]
     piece[row, along] /= count[of_piece]
-    return center, np.linalg.norm(piece, axis=1) / 2.0, extents[of_piece, 1]
+    return of_piece, center, np.linalg.norm(piece, axis=1) / 2.0, extents[of_piece, 1]
+
+
+def _gaps(center: Array, width: Array, body: Index) -> Array:
+    """Return the gap between each ball of a body and the nearest of another one, shape (num_balls,) [m].
+
+    Infinite where there is none, or less than `LEAST_GAP` of the body's width, through which hardly anything is seen.
+    """
+    found = np.full(len(center), np.inf)
+    if not len(body) or body[0] == body[-1]:
+        return found
+    number = min(NEAREST, len(center))
+    away, other = cKDTree(center).query(center, number)
+    away = np.where(body[other] == body[:, None], np.inf, away - (width[other] + width[:, None]) / 2.0)
+    gap = away.min(axis=1)
+    shown = gap >= LEAST_GAP * width
+    found[shown] = gap[shown]
+    return found

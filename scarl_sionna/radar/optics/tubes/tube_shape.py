@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
@@ -92,6 +94,16 @@ def cut_off(tri: Array, border: Array) -> tuple[Array, Array, Array]:
         np.stack([first, two, three], axis=1),
         np.stack([first, three, second], axis=1),
     )
+
+
+@lru_cache(maxsize=8)
+def spread(count: int) -> tuple[Array, Array, Array]:
+    """Return steps from 0 to 1, and two coordinates in a triangle, evenly spread over it, for each of some points."""
+    step = (np.arange(count) + 0.5) / count
+    roberts = np.array([0.7548776662, 0.5698402910])
+    first, second = (np.modf(step[:, None] * count * roberts)[0]).T
+    flip = first + second > 1.0
+    return step, np.where(flip, 1.0 - first, first), np.where(flip, 1.0 - second, second)
 
 
 def inset(tri: Array) -> Array:

@@ -1,0 +1,63 @@
+"""What shadows that tubes have not resolved may do to echoes: gaps between palings, narrower than the probes stand."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+
+import numpy as np
+
+from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.settings.warn import WarningLevels
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, mean_over_band
+from scarl_sionna.radar.optics.tubes.checks import Wrong
+
+from .rows import Columns
+
+MOST_DB = 99.0
+"""Largest error that is told [dB]."""
+
+
+def shadows_db(wrong: Mapping[int, Wrong], columns: Columns, radar: RadarSpec) -> dict[int, float]:
+    r"""Return by how much the echo of instances may be off for what is not lit as their tubes are [dB].
+
+    Parameters
+    ----------
+    wrong : mapping
+        By instance, see :meth:`.Lit.wrong`.
+    columns : dict
+        Of all rows of a solve.
+    radar : RadarSpec
+
+    Notes
+    -----
+    Of a flash the share q that is wrong is one of the field. Where the fields of patches cancel, n wrong pieces of
+    random phases are more of what is left:
+
+    .. math:: 20 \log_{10}\left(1 + q \max\left(1, \frac{\sum |a|}{\sqrt{n}\, |\sum a|}\right)\right)
+    """
+    found, first = {}, columns["instance"][:, 0]
+    for number, (share, points) in wrong.items():
+        rows = np.flatnonzero(first == number)
+        field, length = columns["a"][rows, 0, 0], columns["length"][rows]
+        power = mean_over_band(field, length, np.zeros(len(rows), dtype=np.int64), radar, NUM_FREQUENCIES)
+        echo = float(np.sqrt(power.sum()))
+        cancelled = float(np.abs(field[columns["depth"][rows] == 1]).sum()) / max(echo, 1e-300) if len(rows) else 1.0
+        error = 20.0 * np.log10(1.0 + share * max(1.0, cancelled / np.sqrt(points)))
+        found[number] = min(round(float(error), 2), MOST_DB)
+    return found
+
+
+def warn_of_shadows(errors: Mapping[str, float], levels: WarningLevels) -> None:
+    """Warn of instances, by name, whose echo may be off by more than `levels.shadow_error` for their shadows [dB]."""
+    some = {name: error for name, error in errors.items() if error > levels.shadow_error}
+    if some:
+        worst = max(some, key=lambda name: some[name])
+        warnings.warn(
+            f"shadows on {len(some)} instance(s) are finer than the rays that probe tubes, such as on '{worst}', whose "
+            f"echo may be off by {some[worst]:.2g} dB for it: smaller ray_share or max_phase; "
+            "diagnostics['shadows_db'] has each",
+            ScarlWarning,
+            stacklevel=4,
+        )
