@@ -22,7 +22,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
 from scarl_sionna.radar.channel.compose.budget import Surface, estimate, smooth_share, surface_distance
-from scarl_sionna.radar.channel.compose.choose import level_of
+from scarl_sionna.radar.channel.compose.choose import computed_error, level_of
 from scarl_sionna.radar.channel.raycast.class_rcs import class_crossed
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.scatterers.model import ScattererModel
@@ -373,13 +373,29 @@ def test_two_bodies_that_make_a_corner_answer_together(tmp_path) -> None:
         assert ((paths.instance[:, 0] == 1) & (paths.instance[:, 1] == 2)).any()
 
 
+def test_a_plan_expects_more_of_what_bodies_turn_to_each_other(tmp_path) -> None:
+    """Two plates at a right angle, one corner of two bodies or one of one: bounces between bodies are less certain."""
+    left, right = plane(2.0, 2.0, (21, 1, 1), (-1, -1, 0)), plane(2.0, 2.0, (21, -1, 1), (-1, 1, 0))
+    one = [Thing("corner", trimesh.util.concatenate([left, right]), "Static", "steel")]
+    two = [Thing("left", left, "Static", "steel"), Thing("right", right, "Static", "steel")]
+    coarsest, rules = AutoSettings().levels[0], AutoSettings()
+    found = []
+    for number, things in enumerate((one, two)):
+        state = load_scene(write_scene(tmp_path / str(number), things)).at(0.0)
+        plan = plan_channel(state, RADAR, POSE, channel_tolerance_db=6.0, tube_budget=10**9)
+        found.append(plan.predicted["expected_error_db"])
+    assert found[0] == pytest.approx(computed_error(coarsest, rules), abs=0.01)
+    assert computed_error(coarsest, rules, 0.5) < found[1] <= computed_error(coarsest, rules, 1.0)
+
+
 def test_the_plan_says_what_it_expects_and_the_paths_whether_it_is_met(state, paths) -> None:
     plan = plan_channel(state, RADAR, POSE, settings=SETTINGS)
     assert plan.predicted["tubes"] == sum(entry["tubes"] for entry in choices(paths).values()) > 0
     assert paths.diagnostics["predicted"] == dict(plan.predicted)
     rules = AutoSettings()
     asked, class_db = level_of(1.0), rules.errors.by_class_db
-    for budget, error in ((10**9, 20.0 * np.log10(1.0 + asked.patch_error)), (0, class_db)):
+    alone = 20.0 * np.log10(1.0 + np.hypot(asked.patch_error, rules.errors.way_error))
+    for budget, error in ((10**9, alone), (0, class_db)):
         said = plan_channel(state, RADAR, POSE, settings=SETTINGS, tube_budget=budget).predicted
         assert said["expected_error_db"] == pytest.approx(error, abs=0.005)
     with pytest.warns(ScarlWarning, match=r"expected to be within 38\.0 dB, the tolerance is 1 dB"):

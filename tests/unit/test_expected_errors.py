@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.settings.auto import AutoSettings, ErrorEstimate
+from scarl_sionna.core.settings.auto import AutoSettings, ErrorEstimate, SbrLevel
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.channel.compose.choose import computed_error
 from scarl_sionna.radar.channel.compose.expected_error import expected_errors
 from scarl_sionna.radar.points import point_targets
 
@@ -54,6 +55,37 @@ def test_all_patches_of_a_bounce_between_objects_are_off_alike() -> None:
     found = expected_errors(paths, RADAR, [1, 2], fit, OWN.with_(bounce_error=0.2))
     assert found[1] == pytest.approx(error_of(0.2 * 3.0 / 2.0), rel=1e-6)
     assert found[2] == pytest.approx(error_of(0.2 * 3.0 / 10.0), rel=1e-6)
+
+
+def test_what_bounces_within_one_body_is_as_certain_as_what_it_scatters_at_once() -> None:
+    """A corner of three bounces, also over the ground; what goes to another body or mirror and comes back is not."""
+    fit, level = ErrorEstimate(last_bounce=0.0, way_error=0.1), OWN.with_(bounce_error=0.7)
+    for chain, ratio in (
+        ((1,), 0.1),
+        ((1, 1), 0.1),
+        ((1, 1, 1), 0.1),
+        ((GROUND, 1, 1, GROUND), 0.1),
+        ((1, 2), 0.7),
+        ((1, 2, 1), 0.7),
+        ((1, GROUND, 1), 0.7),
+    ):
+        found = expected_errors(paths_of([chain] * 100, [1.0] * 100), RADAR, [1, 2], fit, level)
+        assert found == {1: pytest.approx(error_of(ratio), rel=1e-6)}, chain
+    coarsest = AutoSettings().levels[0]
+    corner = expected_errors(paths_of([(1, 1, 1)] * 100, [1.0] * 100), RADAR, [1], ErrorEstimate(), coarsest)
+    assert corner[1] == pytest.approx(error_of(np.hypot(0.4 / 10.0, 0.015)), rel=1e-6)
+
+
+@pytest.mark.parametrize("level", AutoSettings().levels, ids=lambda level: f"{level.tolerance_db:g} dB")
+def test_a_plan_expects_what_a_run_states_of_patches_that_neither_add_up_nor_cancel(level: SbrLevel) -> None:
+    """Two ways with as much power as their sum; then half of the power in a bounce: the same number as of the plan."""
+    rules = AutoSettings()
+    for other, onward in (((GROUND, 1), 0.0), ((1, 2), 0.5)):
+        paths = paths_of([(1,), other], [1.0, 1.0])
+        paths = replace(paths, a=paths.a * np.array([1.0, 1.0j])[:, None, None])
+        run = expected_errors(paths, RADAR, [1, 2], rules.errors, level)[1]
+        assert computed_error(level, rules, onward) == pytest.approx(run, rel=1e-6)
+    assert computed_error(level, rules) >= error_of(rules.errors.way_error)
 
 
 def test_what_patches_of_one_flash_may_be_off_by_is_small() -> None:

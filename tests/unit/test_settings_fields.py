@@ -78,6 +78,14 @@ def test_every_door_leads_to_the_same_rig(path: str, value: Any, tmp_path) -> No
     assert Rig.from_dict(rig.to_dict())[radar].settings == rig[radar].settings
 
 
+def test_an_own_level_takes_the_error_of_bounces_that_was_measured_at_its_tolerance() -> None:
+    level = SbrLevel(tolerance_db=6.0, max_phase=1.0, integration_phase=0.1, edge_share=0.25, max_depth=2)
+    found = [level.with_(tolerance_db=db).error_of_bounces for db in (20.0, 6.0, 4.0, 3.0, 1.0, 0.5, 0.3, 0.1)]
+    assert found == [1.0, 1.0, 1.0, 0.06, 0.05, 0.05, 0.02, 0.02]
+    assert level.with_(bounce_error=0.0).error_of_bounces == 0.0
+    assert SbrLevel(**level.with_(tolerance_db=3.0).model_dump()).error_of_bounces == 0.06
+
+
 def test_levels_fall_and_what_is_finer_than_the_last_is_refused() -> None:
     level = SbrLevel(tolerance_db=1.0, max_phase=1.0, integration_phase=0.1, edge_share=0.25, max_depth=2)
     with pytest.raises(ScarlError, match="fall"):

@@ -123,8 +123,8 @@ def test_levels_count_by_their_expected_error_not_by_their_tolerance(monkeypatch
     rough, middle = rules.levels[:2]
     prices = {rough.tolerance_db: 10, middle.tolerance_db: 100}
     monkeypatch.setattr(choose, "num_tubes_of", lambda _, choice, level: prices[level.tolerance_db])
-    assert choose.computed_error(rough) == pytest.approx(2.92, abs=0.01)
-    assert choose.computed_error(middle) < choose.computed_error(rough)
+    assert choose.computed_error(rough, rules) == pytest.approx(2.92, abs=0.01)
+    assert choose.computed_error(middle, rules) < choose.computed_error(rough, rules)
     for budget, change, taken in ((300, 4.0, rough), (300, 2.0, middle), (400, 4.0, middle)):
         for choice in own:
             choice.changes = [Change(change, 1.0, GROUND)]  # type: ignore[arg-type]

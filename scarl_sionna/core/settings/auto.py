@@ -15,6 +15,9 @@ from scarl_sionna.core.units import Decibels, Metres, Seconds, Unit
 
 from .sbr import SMALLEST_SIZE, Wavelengths
 
+BOUNCE_ERRORS = {6.0: 1.0, 3.0: 0.06, 1.0: 0.05, 0.3: 0.02}
+"""Relative error of bounces between objects by tolerance [dB]: a ratio; docs/accuracy.md, expected error."""
+
 
 class SbrLevel(Spec):
     """Knobs of `sbr` that hold from a tolerance on; docs/accuracy.md, whole streets."""
@@ -43,12 +46,21 @@ class SbrLevel(Spec):
         ge=0.0,
         description="relative error of the amplitude of one patch: a ratio; docs/accuracy.md, expected error",
     )
-    bounce_error: float = Field(
-        0.05,
+    bounce_error: float | None = Field(
+        None,
         ge=0.0,
-        description="relative error of all that bounces along one chain of objects, its patches alike: a ratio; "
+        description="relative error of all that bounces between objects along one chain of them, its patches alike: a "
+        "ratio; None for that measured at the next coarser tolerance of 6, 3, 1 and 0.3 dB, beyond at 6 dB; "
         "docs/accuracy.md, expected error",
     )
+
+    @property
+    def error_of_bounces(self) -> float:
+        """`bounce_error`, or what was measured for it."""
+        if self.bounce_error is not None:
+            return self.bounce_error
+        coarser = [error for tolerance, error in BOUNCE_ERRORS.items() if tolerance >= self.tolerance_db]
+        return min(coarser, default=max(BOUNCE_ERRORS.values()))
 
 
 class TubeEstimate(Spec):
@@ -123,8 +135,8 @@ class ErrorEstimate(Spec):
     way_error: float = Field(
         0.015,
         ge=0.0,
-        description="relative error of what one object scatters by one way, straight or over mirrors, all of its "
-        "patches alike: a ratio; docs/accuracy.md, expected error",
+        description="relative error of what one object scatters by one way, straight or over mirrors, its own bounces "
+        "included, all of its patches alike: a ratio; docs/accuracy.md, expected error",
     )
     median: float = Field(
         0.15,
@@ -203,7 +215,6 @@ class AutoSettings(Spec):
                 max_depth=5,
                 growth=25.0,
                 patch_error=0.4,
-                bounce_error=1.4,
             ),
             SbrLevel(
                 tolerance_db=3.0,
@@ -215,7 +226,6 @@ class AutoSettings(Spec):
                 max_depth=5,
                 growth=390.0,
                 patch_error=0.07,
-                bounce_error=0.06,
             ),
             SbrLevel(
                 tolerance_db=1.0,
@@ -227,7 +237,6 @@ class AutoSettings(Spec):
                 max_depth=5,
                 growth=1050.0,
                 patch_error=0.03,
-                bounce_error=0.05,
             ),
             SbrLevel(
                 tolerance_db=0.3,
@@ -239,7 +248,6 @@ class AutoSettings(Spec):
                 max_depth=5,
                 growth=2400.0,
                 patch_error=0.01,
-                bounce_error=0.02,
             ),
         ),
         description="knobs of 'sbr' by tolerance, the coarsest first; finer tolerances than the last are refused; "

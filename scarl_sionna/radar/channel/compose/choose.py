@@ -36,6 +36,7 @@ from .budget import (
     sbr_settings,
     surface_distance,
 )
+from .expected_error import error_db
 from .left_out.reach import Boxes, Looker, MirrorWays, Reach
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, faces_towards, find_mirrors, flat_parts
@@ -319,14 +320,14 @@ def _level_to_take(view: View, own: list[Choice], mirrors: list[Mirror], levels:
         spend(own, cost, {mirror.number for mirror in mirrors}, budget, patches)
         counted = [choice for choice in own if counts(choice, rules)]
         if not counted:
-            return computed_error(level), 0, 0.0
+            return computed_error(level, rules), 0, 0.0
         typical = [_planned_error(choice, rules.errors.median * level.tolerance_db, rules) for choice in counted]
         users = sum(choice.over_budget and choice.item.info.actor is not None for choice in counted)
         return planned_error(counted, level, rules), users, float(np.mean(typical))
 
     best, least = levels[0], error(levels[0])
     for level in levels[1:]:
-        if least[0] <= levels[0].tolerance_db or computed_error(level) >= least[0]:
+        if least[0] <= levels[0].tolerance_db or computed_error(level, rules) >= least[0]:
             break
         if (found := error(level)) < least:
             best, least = level, found
@@ -342,7 +343,9 @@ def counts(choice: Choice, rules: AutoSettings) -> bool:
 
 def planned_error(counted: Sequence[Choice], level: SbrLevel, rules: AutoSettings) -> float:
     """Return the error that enough of some objects keep by what the budget pays for [dB], at least one object."""
-    errors = sorted(_planned_error(choice, computed_error(level), rules) for choice in counted)
+    errors = sorted(
+        _planned_error(choice, computed_error(level, rules, choice.sight.onward), rules) for choice in counted
+    )
     return errors[int(np.ceil(ENOUGH * len(errors))) - 1]
 
 
@@ -353,12 +356,14 @@ def expected_error(chosen: Chosen, rules: AutoSettings) -> float:
     return planned_error(counted, chosen.level, rules) if counted else 0.0
 
 
-def computed_error(level: SbrLevel) -> float:
-    """Return the expected error of an object that is computed at a level, by its patches [dB].
+def computed_error(level: SbrLevel, rules: AutoSettings, onward: float = 0.0) -> float:
+    """Return the expected error of an object that is computed at a level [dB], before its paths are known.
 
-    The level's tolerance would be two to five times as much: a finer level would be taken that leaves out more.
+    By the formula of the paths, patches and chains of which neither add up nor cancel, with the part `onward` of the
+    power in bounces between bodies. The level's tolerance would be two to five times as much: a finer level would be
+    taken that leaves out more.
     """
-    return float(20.0 * np.log10(1.0 + level.patch_error))
+    return float(error_db(level, rules.errors, apart=1.0, last=0.0, ways=1.0 - onward, bounces=onward))
 
 
 def _planned_error(choice: Choice, computed_db: float, rules: AutoSettings) -> float:

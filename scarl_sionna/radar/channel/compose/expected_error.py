@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ from scarl_sionna.signal.antenna import pair_polarizations
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
+Part: TypeAlias = "float | Array"
 
 
 LEAST_DB, MOST_DB = 1e-3, 99.0
@@ -35,7 +37,7 @@ def expected_errors(
         Instance ids of objects computed by `sbr`.
     fit : ErrorEstimate
     level : SbrLevel
-        That which was taken: its number of bounces, and the relative error of one of its patches.
+        That which was taken: its number of bounces, and the relative errors of its patches and of its bounces.
 
     Notes
     -----
@@ -47,9 +49,10 @@ def expected_errors(
         + \sum_c \beta_c^2 \langle|\sum_c a|^2\rangle}{\langle|\sum a|^2\rangle}
 
     and the error :math:`20 \log_{10}(1 + e)`. A flash, whose patches add up, is certain; a side lobe, which is what
-    is left where they cancel, is not, nor is a fade between ways over mirrors. What tubes lack of a bounce, such as
-    what comes through a gap, all of its patches lack alike: beta is `bounce_error` of the level there, else
-    `way_error`. The constants are measured: docs/accuracy.md, expected error.
+    is left where they cancel, is not, nor is a fade between ways over mirrors. What tubes lack of a bounce between
+    bodies, such as what comes through a gap, all of its patches lack alike: beta is that of the level's bounces there,
+    else `way_error`, also for what bounces within one body, such as a corner. The constants are measured:
+    docs/accuracy.md, expected error.
     """
     if not paths.num_paths or not len(numbers):
         return {}
@@ -57,19 +60,42 @@ def expected_errors(
     place = np.searchsorted(np.sort(numbers), owner)
     rows = np.flatnonzero(owner >= 0)
     place, count = place[rows], len(numbers)
-    bodies = np.isin(paths.instance[rows], numbers).sum(axis=1)
-    last = bodies >= level.max_depth
+    met = np.isin(paths.instance[rows], numbers)
+    last = met.sum(axis=1) >= level.max_depth
     whole = mean_power(paths, radar, rows, place, count, NUM_FREQUENCIES)
     beyond = mean_power(paths, radar, rows[last], place[last], count, NUM_FREQUENCIES)
     apart = np.bincount(place, _power(paths.a[rows], radar), count)
     chain, first = _chains(paths.instance[rows])
     alike = mean_power(paths, radar, rows, chain, len(first), NUM_FREQUENCIES)
-    alike *= np.where(bodies[first] > 1, level.bounce_error, fit.way_error) ** 2
-    square = level.patch_error**2 * apart + fit.last_bounce**2 * beyond + np.bincount(place[first], alike, count)
-    square /= np.maximum(whole, 1e-300)
-    error = 20.0 * np.log10(1.0 + np.sqrt(square))
-    met = np.bincount(place, minlength=count) > 0
-    return {number: float(error[k]) for k, number in enumerate(sorted(numbers)) if met[k]}
+    between = _num_bodies(paths.instance[rows[first]], met[first]) > 1
+    ways, bounces = (np.bincount(place[first], alike * kind, count) for kind in (~between, between))
+    parts = (power / np.maximum(whole, 1e-300) for power in (apart, beyond, ways, bounces))
+    error = error_db(level, fit, *parts)
+    some = np.bincount(place, minlength=count) > 0
+    return {number: float(error[k]) for k, number in enumerate(sorted(numbers)) if some[k]}
+
+
+def error_db(level: SbrLevel, fit: ErrorEstimate, apart: Part, last: Part, ways: Part, bounces: Part) -> Array:
+    """Return the expected error of echoes [dB] by powers relative to theirs; docs/accuracy.md, expected error.
+
+    Parameters
+    ----------
+    level : SbrLevel
+    fit : ErrorEstimate
+    apart, last, ways, bounces : float or ndarray of float64, shape (n,)
+        Sum of the powers of patches, power of the last bounce, and sums of the powers of chains within one body and
+        between bodies.
+    """
+    square = level.patch_error**2 * np.asarray(apart) + fit.last_bounce**2 * np.asarray(last)
+    square = square + fit.way_error**2 * np.asarray(ways) + level.error_of_bounces**2 * np.asarray(bounces)
+    return np.asarray(20.0 * np.log10(1.0 + np.sqrt(square)))
+
+
+def _num_bodies(instance: npt.NDArray[np.int32], is_body: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """Return how often chains come to a body from elsewhere, shape (n,): one that bounces within it is there once."""
+    begins = is_body.copy()
+    begins[:, 1:] &= instance[:, 1:] != instance[:, :-1]
+    return np.asarray(begins.sum(axis=1))
 
 
 def _chains(instance: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

@@ -44,12 +44,15 @@ class Sight:
         Shortest way to a point that is seen [m]; infinite if none is.
     turning : float
         By which the tubes of further bounces grow, see :class:`.TubeEstimate`; 0 where nothing is seen straight.
+    onward : float
+        Of the points that are seen straight, those that reflect the wave on to another object.
     """
 
     share: float
     field: float
     nearest: float
     turning: float = 0.0
+    onward: float = 0.0
 
 
 HIDDEN = Sight(0.0, 0.0, np.inf)
@@ -176,18 +179,19 @@ def _seen(view: MirrorView, looks: Sequence[Look], depth: int, faces: Array) -> 
     length = np.sqrt(np.einsum("ij,ij->i", ahead, ahead))
     strength = largest_field_gain(view.radar.array, ahead @ pose.rotation) / np.maximum(length, 1e-3)
     strength = strength * _largest_gain(leg.jones) * np.abs(leg.weight)
-    turns = np.zeros(len(rows)) if depth else _turns(view, points[rows], faces)
+    turns, onward = np.zeros((2, len(rows))) if depth else _turns(view, points[rows], faces)
     borders = np.searchsorted(rows, np.concatenate([[0], np.cumsum(size)]))
     return [
-        _sight(strength[first:last], length[first:last], count, turns[first:last])
+        _sight(strength[first:last], length[first:last], count, turns[first:last], onward[first:last])
         for first, last, count in zip(borders[:-1], borders[1:], size, strict=True)
     ]
 
 
-def _turns(view: MirrorView, points: Array, faces: Array) -> Array:
+def _turns(view: MirrorView, points: Array, faces: Array) -> tuple[Array, Array]:
     """Return the entries in `faces` of what stands at points and of what the wave goes on to, multiplied, shape (n,).
 
-    `faces` has the number of faces of each object, to the power of `spread`, by its instance id; 0 for all else.
+    And 1 where that is another object, else 0. `faces` has the number of faces of each object, to the power of
+    `spread`, by its instance id; 0 for all else.
     """
     state, start = view.state, view.mount.pose.position
     ray = points - start
@@ -196,10 +200,12 @@ def _turns(view: MirrorView, points: Array, faces: Array) -> Array:
     slope = np.einsum("ij,ij->i", ray[first.ray], first.normal)[:, None]
     ray = ray[first.ray] - 2.0 * slope * first.normal
     second = state.cast(first.point - _LIFT * np.sign(slope) * first.normal, ray)
-    found = np.zeros(len(points))
-    instance = state.world.parts.instance
-    found[first.ray[second.ray]] = faces[instance[first.part[second.ray]]] * faces[instance[second.part]]
-    return found
+    found, onward = np.zeros((2, len(points)))
+    instance, row = state.world.parts.instance, first.ray[second.ray]
+    here, there = instance[first.part[second.ray]], instance[second.part]
+    found[row] = faces[here] * faces[there]
+    onward[row] = (found[row] > 0.0) & (here != there)
+    return found, onward
 
 
 def _largest_gain(jones: npt.NDArray[np.complex128]) -> Array:
@@ -209,11 +215,12 @@ def _largest_gain(jones: npt.NDArray[np.complex128]) -> Array:
     return np.asarray(np.sqrt(0.5 * (total + np.sqrt(np.maximum(total**2 - 4.0 * product**2, 0.0)))))
 
 
-def _sight(strength: Array, length: Array, count: int, turns: Array) -> Sight:
+def _sight(strength: Array, length: Array, count: int, turns: Array, onward: Array) -> Sight:
     """Return an object by the points that are seen, of `count`, and what they turn the wave to."""
     if not len(length):
         return HIDDEN
-    return Sight(len(length) / count, float(strength.mean()), float(length.min()), float(turns.mean()))
+    share, nearest = len(length) / count, float(length.min())
+    return Sight(share, float(strength.mean()), nearest, float(turns.mean()), float(onward.mean()))
 
 
 def changes(
