@@ -164,13 +164,13 @@ def test_a_target_of_the_standard_has_its_lobes_unless_asked_for_the_plain_one()
     assert side[0] > 1.2 * side[1]  # chest and back are wider than the shoulders
 
 
-def test_interpolation_is_cubic_and_wraps_around():
-    """Half-way between even steps the polynomial through four values weights them by -1/16, 9/16, 9/16, -1/16."""
+def test_interpolation_is_a_polynomial_and_wraps_around():
+    """Half-way between even steps the polynomial through six values weights them by 3, -25, 150, ... of 256."""
     azimuth = np.radians(np.arange(-180.0, 180.0, 90.0))
     values = np.zeros((1, 4, 1, 2, 2), np.complex64)
     values[0, :, 0, 0, 0] = [4.0, 1.0, 2.0, 3.0]
     model = one_point(azimuth=azimuth, elevation=np.zeros(1), amplitude=values)
-    for angle, wanted in ((-180.0, 4.0), (-135.0, 2.5), (45.0, 2.5), (135.0, 3.75), (180.0, 4.0)):
+    for angle, wanted in ((-180.0, 4.0), (-135.0, 2.5), (45.0, 2.5), (135.0, 3.84375), (180.0, 4.0)):
         got = model.matrices(direction_of(np.radians(angle), 0.0))[0, 0, 0]
         assert got == pytest.approx(wanted, abs=1e-6)  # complex64 holds the table
 

@@ -22,7 +22,7 @@ from scarl_sionna.core.untrusted.files import MEGABYTE
 from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.core.untrusted.numpy_file import read_npz
 
-from .stencil import far_shares, near_shares
+from .stencil import shares_of
 from .table import AspectTable, direction_of
 from .tr38901 import tr38901_fields
 
@@ -35,6 +35,8 @@ FORMAT_VERSION = 2
 APERTURE_PHASE = 1.0 / 3.0
 """Bend of the phase over what a centre stands for [rad, rms] from which a warning is given: by definition of its bar,
 0.5 dB."""
+_NARROWEST = 0.02
+"""Circles of azimuth that are a smaller part of the equator, 1.1 deg from the poles, bend the waves as this one."""
 _ROUNDING = 1e-9
 """Aspects this far outside of the table [rad] are still inside."""
 
@@ -94,9 +96,11 @@ class ScattererModel(
     -----
     .. math:: S(u) = \sum_n A_n(u)\, e^{2 j k\, u \cdot c_n}
 
-    with u from the body to the radar. Between aspects the complex amplitudes are interpolated by cubic polynomials
-    (Lagrange, four aspects; linearly where the table has fewer or at its ends). Their phase is that at the centre, so
-    it changes slowly with the aspect: by at most k times the cell's width times the angle.
+    with u from the body to the radar. Between aspects the complex amplitudes are interpolated by polynomials along
+    azimuth and elevation: through six aspects so far apart that the phase at the edge of a cell turns by 1.1 rad from
+    one to the next, or neighbours where the table is coarser; through four, two or one where it has no more. Their
+    phase is that at the centre, so it changes slowly with the aspect: by at most k times the cell's width times the
+    angle.
     """
 
     centers: Array
@@ -162,7 +166,7 @@ class ScattererModel(
         direction : array_like of float, shape (num_centers, 3) or (3,)
             Unit vectors from the centres to the radar [body frame]. Outside of the table its nearest aspect is used.
         distance : array_like of float, shape (num_centers,) or number, optional
-            Of the radar from the centres, > 0 [m]; far away if None. With a receiver elsewhere the harmonic mean of
+            Of the radar from the centres, > 0 [m]; infinite if None. With a receiver elsewhere the harmonic mean of
             both ways, seen in the direction between them.
 
         Returns
@@ -176,21 +180,30 @@ class ScattererModel(
         farther by :math:`r^2 / (2 R)`. As r turns the phase of the amplitude with the aspect, that is an operator on
         the table, with the derivatives along both angles,
 
-        .. math:: A_R(u) = \exp(\tfrac{j}{4 k R} \nabla^2) A(u)
+        .. math:: A_R(u) = \exp(\tfrac{j}{4 k R} \nabla^2) A(u), \quad
+                  \nabla^2 = \partial_\epsilon^2 - \tan\epsilon\, \partial_\epsilon
+                  + \cos^{-2}\epsilon\, \partial_\alpha^2
 
-        to the second order (:func:`.near_shares`), along angles of which the table has four or more. A curved surface
+        to the second order (:func:`.shares_of`), along angles of which the table has four or more: with one elevation,
+        as :func:`scarl_sionna.compile_scatterers` has by default, waves bend over the azimuth alone. A curved surface
         needs it far beyond `nearest_distance`, since its echo is made on less than a cell. Corners, which are a point
         at all aspects, are not helped.
+
+        *Error*: of a point 5 cm beside a centre at 14 m (77 GHz, cell 0.15 m, table of 0.25 deg), where waves that are
+        plane are off by 0.29 of the field, 0.005 to 80 deg of elevation and 0.007 at 85, where compiled tables end.
+        *Not modelled*: the poles, where circles of azimuth are narrow themselves: 0.014 at 88 deg, 0.07 at 89 in a
+        table all round, in one of 24 deg of azimuth 0.07 and 0.23.
         """
         toward = np.broadcast_to(np.asarray(direction, dtype=np.float64), self.centers.shape)
         azimuth, elevation = _angles(toward)
         result = np.zeros((self.num_centers, 2, 2), dtype=np.complex128)
-        bend = None
-        if distance is not None:
-            away = np.broadcast_to(np.asarray(distance, dtype=np.float64), azimuth.shape)
-            bend = SPEED_OF_LIGHT / (8.0 * np.pi * self.frequency * away)
-        rows, share_up = self._shares(self.elevation, elevation, bend)
-        columns, share_along = self._columns(azimuth, None if bend is None else bend / np.cos(elevation) ** 2)
+        wavenumber = 2.0 * np.pi * self.frequency / SPEED_OF_LIGHT
+        away = np.asarray(np.inf if distance is None else distance, dtype=np.float64)
+        bend = np.broadcast_to(1.0 / (4.0 * wavenumber * away), azimuth.shape)
+        turn, held = np.full(azimuth.shape, wavenumber * self.cell), np.clip(elevation, *self.elevation[[0, -1]])
+        around = np.maximum(np.cos(held), _NARROWEST)
+        rows, share_up = shares_of(self.elevation, held, bend, turn, -np.sin(held) / around)
+        columns, share_along = self._columns(azimuth, bend / around**2, turn * around)
         row, column = _closest(self.elevation, rows, elevation), _closest(self.azimuth, columns, azimuth)
         centre = np.flatnonzero(self.amplitude.present(row, column, np.arange(self.num_centers)))
         share = (share_up[centre, :, None] * share_along[centre, None, :]).reshape(len(centre), -1)
@@ -223,21 +236,16 @@ class ScattererModel(
         of_apertures = float(np.sqrt(power @ self.aperture_distance**2 / total)) if total > 0.0 else 0.0
         return max(self.nearest_distance, of_apertures)
 
-    def _shares(self, grid: Array, value: Array, bend: Array | None) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
-        if bend is None:
-            return far_shares(grid, value)
-        return near_shares(grid, value, bend, 2.0 * np.pi * self.frequency / SPEED_OF_LIGHT * self.cell)
-
-    def _columns(self, azimuth: Array, bend: Array | None) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
+    def _columns(self, azimuth: Array, bend: Array, turn: Array) -> tuple[npt.NDArray[np.int64], Complex]:
         first = self.azimuth[0]
         turned = first + (azimuth - first + _ROUNDING) % (2.0 * np.pi) - _ROUNDING
         if self.is_full_turn:
             turns = 2.0 * np.pi * np.arange(-1, 2)
-            column, share = self._shares((self.azimuth + turns[:, None]).reshape(-1), turned, bend)
+            column, share = shares_of((self.azimuth + turns[:, None]).reshape(-1), turned, bend, turn)
             return column % len(self.azimuth), share
         gap = 2.0 * np.pi - (self.azimuth[-1] - first)  # outside: the nearer end
         turned = np.where(turned > self.azimuth[-1] + gap / 2.0, first, turned)
-        return self._shares(self.azimuth, turned, bend)
+        return shares_of(self.azimuth, turned, bend, turn)
 
     def scattering_matrix(
         self, theta: npt.ArrayLike, phi: npt.ArrayLike, frequency: npt.ArrayLike | None = None
