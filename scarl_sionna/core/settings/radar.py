@@ -65,8 +65,8 @@ class RadarSettings(Spec):
     max_distance: Metres | None = Field(
         None,
         gt=0.0,
-        description="half of the longest length of a path [m], whose last 0.25 m fade out; None: the unambiguous range "
-        "of the radar",
+        description="half of the longest length of a path [m], whose last 0.25 m, or 5 % where that is less, "
+        "fade out, by 6 dB in the middle; None: the unambiguous range of the radar",
     )
     instances: tuple[str | int, ...] | None = Field(
         None,

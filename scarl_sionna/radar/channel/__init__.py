@@ -23,7 +23,6 @@ from .compose.hybrid import solve_hybrid
 from .compose.plan import OwnershipError
 from .multipath.solve import solve_sionna
 from .panes import warn_of_panes
-from .range_end import fading_out
 from .raycast.solve import solve_raycast
 from .sbr.reciprocity import with_reverses
 from .sbr.solve import solve_sbr
@@ -67,7 +66,7 @@ def solve_paths(
         that have a model. ``"hybrid"``: several of them by a :class:`ChannelPlan`.
     settings : RadarSettings, optional
         Tolerances, budget, reach and the knobs of each solver; or the settings of `method` alone. Paths go out
-        smoothly over the last 0.25 m of the reach.
+        smoothly over the last 0.25 m of the reach, or its last 5 % where that is less.
     receiver : Mount or Pose, optional
         Of a separate receiver (bistatic), for ``"sbr"`` and ``"sionna"``.
     **fields
@@ -107,7 +106,6 @@ def solve_paths(
         warn_of_panes(state, radar, place.pose, chosen.method, chosen.warn_at)
     other = None if receiver is None else state.as_mount(receiver)
     solve = SOLVERS[chosen.method]
-    reach = radar.max_range if chosen.max_distance is None else chosen.max_distance
     if chosen.num_band_frequencies > 1:
         count, level = chosen.num_band_frequencies, chosen.warn_at.band_error
         with few_threads():
@@ -116,9 +114,7 @@ def solve_paths(
         warn_of_band(state, radar, chosen.warn_at)
         with few_threads():
             found = solve(state, radar, place, chosen, other)
-    if other is None and _is_reciprocal(radar, chosen):
-        found = with_reverses(state, found)
-    return fading_out(found, reach)
+    return with_reverses(state, found) if other is None and _is_reciprocal(radar, chosen) else found
 
 
 def _is_reciprocal(radar: RadarSpec, settings: RadarSettings) -> bool:

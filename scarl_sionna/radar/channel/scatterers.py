@@ -27,6 +27,7 @@ from scarl_sionna.signal.link import spreading
 
 from .antennas import check_antennas, refuse_receiver
 from .multipath.images import spherical_basis
+from .range_end import within_reach
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -136,19 +137,16 @@ def solve_scatterers(
     order = np.lexsort((*columns["point"].T, columns["distance"], columns["instance"]))
     columns = {name: column[order] for name, column in columns.items()}
     left_out = [info.name for info in state.world.instances.values() if info.name not in models]
-    return _paths(
-        columns,
-        mount,
-        {
-            "method": "scatterers",
-            "max_distance": reach,
-            "group_size": knobs.group_size,
-            "num_hidden": int(hidden.sum()),
-            "models": {name: dict(model.error) for name, model in models.items()},
-            "left_out": left_out,
-            "seconds": time.perf_counter() - start,
-        },
-    )
+    diagnostics = {
+        "method": "scatterers",
+        "max_distance": reach,
+        "group_size": knobs.group_size,
+        "num_hidden": int(hidden.sum()),
+        "models": {name: dict(model.error) for name, model in models.items()},
+        "left_out": left_out,
+        "seconds": time.perf_counter() - start,
+    }
+    return within_reach(_paths(columns, mount, diagnostics), reach)
 
 
 def _numbers(state: WorldState, models: Mapping[str, ScattererModel]) -> dict[str, int]:

@@ -46,7 +46,7 @@ def one_way_paths(
         Surroundings: what blocks the line of sight, and mirror reflections, by the solver ``"sionna"``; the air of its
         weather. Free space if left out.
     settings : RadarSettings, optional
-        Its `sionna`, and `max_distance`, half of the longest path.
+        Its `sionna`, and `max_distance`, half of the longest path (paths nearly as long fade).
 
     Returns
     -------

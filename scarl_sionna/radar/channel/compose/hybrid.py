@@ -26,6 +26,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.multipath.solve import solve_sionna
+from scarl_sionna.radar.channel.range_end import within_reach
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from scarl_sionna.radar.channel.sbr.bodies import Bodies
 from scarl_sionna.radar.channel.sbr.cost import Work, affordable
@@ -344,7 +345,7 @@ class _Work:
                 solver=share.solver,
                 mechanism="objects through mirrors",
                 instances=seen.objects,
-                blocks=[paths.select(paths.length < 2.0 * self.reach) for paths, _ in found],
+                blocks=[within_reach(paths, self.reach) for paths, _ in found],
                 faces=[faces for _, faces in found],
                 seconds=time.perf_counter() - start,
                 report={"num_mirrors": ghosts.num_mirrors},

@@ -15,6 +15,7 @@ from scarl_sionna.radar.channel.multipath.images import Chain
 from scarl_sionna.radar.channel.multipath.legs import Legs, legs_of
 from scarl_sionna.radar.channel.multipath.station import EndPoints, points_beside, station_of
 from scarl_sionna.radar.channel.multipath.visibility import warn_of_hidden_antennas
+from scarl_sionna.radar.channel.range_end import within_reach
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.tuned import material_frequency
 
@@ -105,7 +106,7 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
     num_hidden = warn_of_hidden_antennas(state, [(legs, station)], wide_arm)
     legs = _with_ends(view, legs)
     columns = joined_columns([mirror_columns(state, legs, station, station, radar.wavelength)])
-    kept = columns.pop("total") < 2.0 * reach
+    columns.pop("total")
     paths = RadarPaths(
         band=None,
         **columns,
@@ -119,7 +120,7 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
             "num_hidden_from_antennas": num_hidden,
         },
     )
-    return paths.select(kept)
+    return within_reach(paths, reach)
 
 
 def _with_ends(view: MirrorView, legs: Legs) -> Legs:

@@ -25,6 +25,7 @@ from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import PathBufferOverflowError, TracedPaths, trace_paths
 from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.radar.channel.antennas import check_antennas
+from scarl_sionna.radar.channel.range_end import within_reach
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.tuned import material_frequency
@@ -153,7 +154,7 @@ def solve_sionna(
     sees_objects = sought.environment and sought.objects
     num_missed = _warn_of_small_objects(state, pose, solver.mirrors, knobs.num_samples, reach) if sees_objects else 0
     columns = joined_columns(blocks)
-    keep = columns.pop("total") < 2.0 * reach
+    columns.pop("total")
     diagnostics = {
         "method": "sionna",
         **knobs.model_dump(),
@@ -175,7 +176,7 @@ def solve_sionna(
         rx_twist=(receiver or mount).twist,
         diagnostics=diagnostics,
     )
-    return paths.select(keep)
+    return within_reach(paths, reach)
 
 
 def _warn_of_small_objects(

@@ -26,6 +26,7 @@ from scarl_sionna.engine import variant
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.compose.plan import ids_of
+from scarl_sionna.radar.channel.range_end import within_reach
 from scarl_sionna.radar.link import received_amplitude
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
@@ -163,7 +164,7 @@ def solve_raycast(
     if phases is not None:
         columns["a"] *= np.take(phases, found.ray)[:, None, None]
     clock = {"cast": cast - start, "thin": thinned - cast, "amplitude": time.perf_counter() - thinned}
-    return _paths(columns, state, mount, rays_of, clock, chosen)
+    return within_reach(_paths(columns, state, mount, rays_of, clock, chosen), reach)
 
 
 def _may_hit(state: WorldState, station: Viewpoint, task: Task) -> bool:

@@ -23,6 +23,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
 from scarl_sionna.engine.rays.overlap import seen_overlaps
 from scarl_sionna.radar.channel.antennas import check_antennas
+from scarl_sionna.radar.channel.range_end import within_reach
 from scarl_sionna.radar.optics.edges.near_field import EdgeView, edge_rows
 from scarl_sionna.radar.optics.elsewhere import with_changes
 from scarl_sionna.radar.optics.near_field import NearField, radiated
@@ -190,12 +191,13 @@ def straight(
         Of bodies that are too small.
     """
     _warn_of_bodies(bodies, mount.pose.position, found)
-    return replace(
+    found = replace(
         found,
         tx_twist=mount.twist,
         rx_twist=(receiver or mount).twist,
         diagnostics={**found.diagnostics, "left_out": list(left_out)},
     )
+    return within_reach(found, bodies.reach)
 
 
 def solve_between(bodies: Bodies, pairs: Sequence[Pair]) -> list[RadarPaths]:
