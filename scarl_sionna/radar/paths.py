@@ -181,11 +181,11 @@ class RadarPaths(
 
     @property
     def length(self) -> Array:
-        """Length of each path between the array centres [m], shape (num_paths,)."""
+        """Length of each path between the array centres [m], shape (num_paths,); of its reverse the same number."""
         tx_vector, rx_vector = self.end_vectors()
         there = row_norm(tx_vector)
         back = there if rx_vector is tx_vector else row_norm(rx_vector)
-        return np.where(self.is_mirror_chain, there, there + self.inner_length + back)
+        return np.where(self.is_mirror_chain, there, there + back + self.inner_length)
 
     @classmethod
     def empty(cls, world_from_tx: Pose, world_from_rx: Pose | None = None, max_depth: int = 1) -> RadarPaths:

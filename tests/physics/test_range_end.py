@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.radar.channel.compose.expected_error import band_power, owners
-from scarl_sionna.radar.channel.range_end import LONGEST_FADE, fade_of
+from scarl_sionna.radar.channel.range_end import LONGEST_FADE, fade_of, within_reach
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.points import solve_points
 from scarl_sionna.radar.scatterers.model import ScattererModel
@@ -136,3 +138,12 @@ def test_auto_judges_echoes_as_they_are_returned(tmp_path):
         paths = ss.solve_paths(state, RADAR, ss.Pose([0.0, 0.0, 0.6]), "auto", max_distance=reach)
         counted.append(paths.diagnostics["num_counted"])
     assert counted == [1, 0]
+
+
+def test_a_path_and_its_reverse_go_out_alike(plate):
+    """To the last bit: what is the copy of a path is known by that."""
+    pair = SOLVES["sbr, a pair"](plate, 40.0)
+    between = replace(pair, inner_length=np.random.default_rng(0).uniform(0.1, 5.0, pair.num_paths))
+    ended, back = within_reach(between, 12.0), within_reach(between.reversed(), 12.0).reversed()
+    assert 0 < ended.num_paths < pair.num_paths
+    assert np.array_equal(ended.a, back.a)
