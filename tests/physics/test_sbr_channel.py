@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 import trimesh
 
 import scarl_sionna as ss
+from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.sbr import SbrSettings
@@ -215,3 +218,22 @@ def test_what_the_floor_drops_is_below_the_noise_even_in_phase(tmp_path) -> None
                 weakest = amplitude[here & ~gone].min()
                 assert weakest >= amplitude[here & gone].max(initial=0.0)
                 assert (amplitude[here & gone].sum() + weakest) ** 2 > limit * (1 - 1e-9)
+
+
+def test_what_comes_after_the_last_bounce_is_told(tmp_path) -> None:
+    """A corner is its third bounce: with two of them a look finds it, with three no wave goes on."""
+    turn = trimesh.geometry.align_vectors(np.ones(3) / np.sqrt(3.0), [-1.0, 0.3, 0.2])[:3, :3]
+    mesh = trimesh.Trimesh(0.1 * np.array(oracle.TRIHEDRAL_MESH[0]) @ turn.T, oracle.TRIHEDRAL_MESH[1], process=False)
+    mesh.apply_translation([10.0, 0.0, 0.0])
+    state = _state(tmp_path, mesh)
+    with pytest.warns(ScarlWarning, match="waves go on after the 2 bounces.*'target'"):
+        two = solve_paths(state, RADAR, Pose(), "sbr", max_depth=2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ScarlWarning)
+        three = solve_paths(state, RADAR, Pose(), "sbr", max_depth=3)
+        one = solve_paths(state, RADAR, Pose(), "sbr", max_depth=1)
+    gain = 20.0 * np.log10(abs(_signal(three)) / abs(_signal(two)))
+    assert two.diagnostics["further_db"][1] == pytest.approx(gain, abs=3.0)
+    assert three.diagnostics["last_bounce_db"][1] == pytest.approx(0.0, abs=1.0)
+    assert three.diagnostics["further_db"].get(1, -60.0) < -20.0
+    assert not one.diagnostics["last_bounce_db"] and not one.diagnostics["further_db"]

@@ -33,6 +33,12 @@ class WarningLevels(Spec):
         description="'sbr' warns if the echo of an instance may be off by more than this for shadows that its tubes "
         "have not resolved [dB]; docs/sbr.md, where it breaks",
     )
+    further_bounces: Decibels = Field(
+        3.0,
+        ge=0.0,
+        description="'sbr' warns if two more bounces than `max_depth` may change the echo of an instance by more than "
+        "this, by a coarse look [dB]; docs/sbr.md, where it breaks",
+    )
     detuning: float = Field(
         0.01,
         ge=0.0,

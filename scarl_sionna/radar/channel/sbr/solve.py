@@ -35,10 +35,11 @@ from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths, bend_of
 
 from .bodies import Bodies
-from .cost import Work, affordable, check_memory, with_knobs
+from .cost import Work, affordable, check_memory, coarser, with_knobs
 from .curve_warnings import warn_of_curves
 from .diffuse import rough_pieces, scattered_rows
 from .edge_rows import with_edges
+from .last_bounce import LOOK_FROM_DB, MORE, further_db, last_bounces_db, warn_of_further
 from .reciprocity import of_both_senses
 from .rows import CHANGES, OF_SMOOTH, Columns, above_floor, in_order, joined, received
 from .senses import ROUGH_KINDS, Kind, kinds_of, mirrored_back, reversed_rows, scattering_bounce
@@ -81,7 +82,8 @@ def solve_sbr(
     -------
     RadarPaths
         ``diagnostics["estimate"]`` is what the solve was expected to cost, before it started, ``["shadows_db"]`` by
-        how much the echo of an instance (id) may be off for unresolved shadows [dB]. One row a patch, sorted.
+        how much the echo of an instance (id) may be off for unresolved shadows [dB], ``["last_bounce_db"]`` what the
+        last bounce has of it, ``["further_db"]`` what more have (docs/sbr.md). One row a patch, sorted.
         `tx_point` is the patch as the transmitter sees it through the mirrors before
         it, `rx_point` as the receiver sees it. The interaction ``DIFFUSE`` of a row is the scattering patch, mostly the
         last one, the others are mirror reflections.
@@ -103,7 +105,7 @@ def solve_sbr(
     -----
     ScarlWarning
         If an instance in view is smaller than 3 wavelengths or drawn with too few faces for a curve, most of the
-        power comes from grazing patches, or shadows are finer than the rays.
+        power comes from grazing patches, shadows are finer than the rays, or more bounces matter.
 
     Notes
     -----
@@ -137,7 +139,25 @@ def solve_sbr(
     found = both[0] if len(both) == 1 else of_both_senses(state, both)
     table, errors = state.world.instances, found.diagnostics["shadows_db"]
     warn_of_shadows({table[number].name: error for number, error in errors.items()}, settings.warn_at)
-    return replace(found, diagnostics={**found.diagnostics, "estimate": cost.report()})
+    told = _beyond(bodies, found, mount, receiver)
+    further = {table[number].name: share for number, share in told["further_db"].items()}
+    warn_of_further(further, bodies.knobs.max_depth, settings.warn_at)
+    return replace(found, diagnostics={**found.diagnostics, **told, "estimate": cost.report()})
+
+
+def _beyond(bodies: Bodies, found: RadarPaths, mount: Mount, receiver: Mount | None) -> dict[str, dict[int, float]]:
+    """Return what the last bounce has of echoes, and where that is much what a coarse look finds beyond it."""
+    knobs = bodies.knobs
+    shares = last_bounces_db(found, bodies.radar, knobs.max_depth)
+    some = [number for number, share in shares.items() if share > LOOK_FROM_DB]
+    further: dict[int, float] = {}
+    if some:
+        more = coarser(knobs, bodies.settings.auto.levels[0]).with_(max_depth=min(knobs.max_depth + MORE, 32))
+        with warnings.catch_warnings():  # said by the solve itself
+            warnings.simplefilter("ignore", ScarlWarning)
+            paths = solve_bodies(with_knobs(bodies, more), mount, receiver, lit=some)
+        further = further_db(found, paths, bodies.radar, knobs.max_depth)
+    return {"last_bounce_db": shares, "further_db": further}
 
 
 def stations_of(radar: RadarSpec, mount: Mount, receiver: Mount | None = None) -> tuple[Viewpoint, Viewpoint]:
