@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
 import time
 import warnings
 from collections.abc import Iterator
@@ -30,6 +29,7 @@ from harness import machine
 from scipy.ndimage import gaussian_filter
 
 import scarl_sionna as ss
+from benchmarks.row_files import append_rows, read_rows
 from camera_lidar.camera import render
 from camera_lidar.camera.develop import develop
 from camera_lidar.camera.shutter import bands
@@ -324,7 +324,7 @@ def main() -> None:
     args = parser.parse_args()
     warnings.simplefilter("ignore", ScarlWarning)
     if args.what == "show":
-        rows = [json.loads(line) for line in args.results.read_text().splitlines()]
+        rows = read_rows(args.results)
         show(rows)
         if args.figures:
             draw(rows, args.figures / "camera_flip.png")
@@ -335,8 +335,7 @@ def main() -> None:
         against = reference(name, place, args.references, args.reference_spp)
         if args.what == "measure":
             found = measure(name, place, against, args.samplers)
-            with args.results.open("a") as stream:
-                stream.writelines(json.dumps(row) + "\n" for row in found)
+            append_rows(args.results, *found)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ import scarl_sionna as ss
 from benchmarks.detection import GROUPS, RADAR, STRONG_DB, boxes_of, frames, objects_of, observed
 from benchmarks.detection_tables import FALSE_BELOW, Stored
 from benchmarks.harness import machine, write_block
-from benchmarks.row_files import append_rows, read_rows
+from benchmarks.row_files import append_rows, read_rows, rows_so_far
 
 RESULTS = Path("docs/figures/data/detection_points.jsonl")
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -97,14 +97,13 @@ def main() -> None:
     parser.add_argument("--write", type=Path, metavar="PAGE")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
-    lines = read_rows(RESULTS)
     if arguments.what == "frames":
-        known = {(line["place"], line["frame"]) for line in lines}
+        known = {(line["place"], line["frame"]) for line in rows_so_far(RESULTS)}
         for place, number in frames():
             if (place, number) not in known:
                 append_rows(RESULTS, *lines_of(place, number))
         return
-    text = block(lines)
+    text = block(read_rows(RESULTS))
     print(text)
     if arguments.write:
         write_block(arguments.write, "points", text)

@@ -26,7 +26,7 @@ from scipy.optimize import minimize
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.harness import machine
-from benchmarks.row_files import append_rows, read_rows
+from benchmarks.row_files import append_rows, read_rows, rows_so_far
 from benchmarks.street_scenes import problem
 from benchmarks.whole_streets import FINEST, RADAR, by_plan, echoes, name_of, reference, widest_plan
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO, ErrorEstimate
@@ -148,7 +148,7 @@ def main() -> None:
     parser.add_argument("--report", action="store_true", help="only the tables")
     parser.add_argument("--out", type=Path, default=RESULTS)
     arguments = parser.parse_args()
-    lines = read_rows(arguments.out)
+    lines = (read_rows if arguments.report else rows_so_far)(arguments.out)
     if not arguments.report and arguments.kind is None:
         parser.error("say field, crowd or street, or --report")
     done = {(line["kind"], line["seed"]) for line in lines}

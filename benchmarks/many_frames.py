@@ -25,7 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import scarl_sionna as ss
-from benchmarks.row_files import append_rows, read_rows
+from benchmarks.row_files import append_rows, read_rows, rows_so_far
 from benchmarks.street_scenes import PLACES
 from benchmarks.whole_streets import echoes
 from scarl_sionna.core.errors import PlacementError
@@ -193,7 +193,7 @@ def main() -> None:
         print(report(arguments.report))
         return
     warnings.simplefilter("ignore")
-    done = {line["seed"] for line in read_rows(arguments.out)}
+    done = {line["seed"] for line in rows_so_far(arguments.out)}
     for seed in range(*map(int, arguments.seeds.split(":"))):
         if seed in done:
             continue

@@ -22,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.harness import machine, write_block
-from benchmarks.row_files import read_rows, write_rows
+from benchmarks.row_files import put_row, read_rows, rows_so_far
 from benchmarks.street_scenes import problem
 from benchmarks.whole_streets import FINEST, PLAIN, by_plan, echoes, name_of, reference, widest_plan
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO
@@ -125,15 +125,14 @@ def main() -> None:
         return
     kind = "field" if arguments.fields else "street"
     results = arguments.out or (OF_FIELDS if arguments.fields else RESULTS)
-    lines = read_rows(results)
+    lines = rows_so_far(results)
     warnings.simplefilter("ignore")
     for seed in range(*map(int, arguments.seeds.split(":"))):
         old = next((line for line in lines if line["seed"] == seed), None)
         if old is not None and all(label in old["levels"] for label in levels_of(kind)):
             continue
         line = {**solve(kind, seed, old), "machine": machine()}
-        lines = [one for one in lines if one["seed"] != seed] + [line]
-        write_rows(results, sorted(lines, key=lambda one: one["seed"]))
+        put_row(results, line, "seed")
         print(line["name"], f"reference {line['reference_cpu']:.0f} s", flush=True)
 
 

@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import scarl_sionna as ss
 from benchmarks.harness import ANY_COST, machine
-from benchmarks.row_files import append_rows, read_rows
+from benchmarks.row_files import append_rows, rows_so_far
 from benchmarks.street_scenes import Street, problem
 from benchmarks.whole_street_figures import WHOLE, kept, write
 from scarl_sionna.core.settings.sbr import SbrSettings
@@ -141,7 +141,7 @@ def reference(
     kind: str, seed: int, street: Street, plan: ChannelPlan, coherent: list[int]
 ) -> tuple[dict[str, float], float]:
     """Return the echo of each object 10 dB over the noise [dB], and the processor time that it took [s]."""
-    for line in read_rows(REFERENCES[kind]):
+    for line in rows_so_far(REFERENCES[kind]):
         if (line["seed"], line["name"], line.get("reach", REACH[kind])) == (seed, street.name, street.reach):
             return line["level_db"], line["reference_cpu"]
     start = time.process_time()
@@ -209,7 +209,7 @@ def main() -> None:
         write(arguments.write, arguments.out)
         return
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    lines = read_rows(arguments.out)
+    lines = rows_so_far(arguments.out)
     done = {(line["kind"], line["seed"], line.get("reach", REACH[line["kind"]])) for line in lines}
     first, last = map(int, arguments.seeds.split(":"))
     for seed in range(first, last):
