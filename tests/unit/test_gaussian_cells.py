@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -74,3 +76,52 @@ def test_nothing_where_nothing_is_in_sight(free: float) -> None:
     number = 0 if np.isinf(free) else 5
     air = Scatter(np.ones((number, 3)), np.ones(number), np.full(number, free), np.zeros((number, 3)), SHARE, 0.5)
     assert len(gaussian_cells(air, RADAR, ROWS, 1e-12, 100, np.random.default_rng(0)).power) == 0
+
+
+def test_directions_without_weight_have_no_cells() -> None:
+    """Nor do they spoil the others: the same cells as without them, whole directions of the lattice among them."""
+    air = scatter(0.5)
+    left = air.direction[:, 1] > 0.0
+    some = Scatter(air.direction[left], air.weight[left], air.free[left], air.velocity[left], SHARE, 0.5)
+    dark = Scatter(air.direction, np.where(left, air.weight, 0.0), air.free, air.velocity, SHARE, 0.5)
+    expected, found = (gaussian_cells(one, RADAR, ROWS, 1e-12, 10**9, np.random.default_rng(0)) for one in (some, dark))
+    assert len(found.power) > 1_000
+    for name in ("distance", "velocity", "direction", "power"):
+        assert np.array_equal(getattr(found, name), getattr(expected, name)), name
+
+
+def test_a_wide_direction_does_not_widen_a_block_of_narrow_ones(monkeypatch) -> None:
+    """Each level of a block has the bins of the widest: no array is larger than `BLOCK`, but of a single direction."""
+    monkeypatch.setattr(cells, "BLOCK", 20_000)
+    air = scatter(0.5, 4_000)
+    velocity = np.where(np.arange(4_000)[:, None] == 17, [[-30.0, 0.0, 30.0]], 0.05 * air.velocity)
+    sizes, spectra = [], cells._spectra
+
+    def measured(scatter: Scatter, lattice: cells._Lattice, levels: slice) -> np.ndarray:
+        found = spectra(scatter, lattice, levels)
+        num_rows = (lattice.farthest - lattice.nearest)[levels].sum()
+        if len(np.unique(lattice.owner[levels])) > 1:
+            sizes.append(max(2 * found.size, num_rows * (found.shape[1] // cells.FINE + 2)))
+        return found
+
+    monkeypatch.setattr(cells, "_spectra", measured)
+    wide = Scatter(air.direction, air.weight, air.free, velocity, SHARE, 0.5)
+    gaussian_cells(wide, RADAR, ROWS, 1e-3, 10_000, np.random.default_rng(0))
+    assert len(sizes) > 2 and max(sizes) <= cells.BLOCK
+
+
+def test_a_wide_spectrum_takes_memory_by_its_width_not_by_its_square() -> None:
+    """One antenna tells no directions apart, and what passes at 200 m/s makes 16,000 bins of it: 2 GB before."""
+    air = scatter(0.5, 60)
+    velocity = air.velocity + 200.0 * np.sign(air.velocity[:, :1])
+    wide = Scatter(air.direction, air.weight, air.free, velocity, SHARE, 0.05)
+    radar = RADAR.with_(tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),))
+    tracemalloc.start()
+    found = gaussian_cells(wide, radar, ROWS, 1e-18, 10**9, np.random.default_rng(1))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    power, moment = exact(wide)
+    row = np.searchsorted(ROWS.distance, found.distance)
+    assert np.bincount(row, found.power, len(power)) == pytest.approx(power, rel=0.01)
+    assert np.bincount(row, found.power * found.velocity) == pytest.approx(moment, abs=0.02 * np.abs(moment).max())
+    assert peak < 100e6

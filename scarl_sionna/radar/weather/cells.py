@@ -28,7 +28,9 @@ MOST_PARTS = 8
 CANDIDATES = 8
 """Directions out of which one is drawn that goes with a cell's velocity."""
 BLOCK = 1 << 20
-"""Cells and bins of spectra that are computed at once."""
+"""Cells and bins of spectra that are computed at once; more where a single direction of the lattice has more."""
+LEAST_PART = 512
+"""Bins of a spectrum that turbulence is added to at once, at least."""
 ROWS_PER_OCTAVE = 8
 """Rows of the lattice in a doubling of the range at least, near the radar, where the mean falls within a cell."""
 
@@ -42,7 +44,7 @@ class Scatter:
     direction : ndarray of float64, shape (num_directions, 3)
         Unit vectors [radar frame].
     weight : ndarray of float64, shape (num_directions,)
-        Two-way gain times solid angle [sr].
+        Two-way gain times solid angle [sr], >= 0; directions of weight 0 have no cells.
     free : ndarray of float64, shape (num_directions,)
         Distance to the first surface [m].
     velocity : ndarray of float64, shape (num_directions, num_classes)
@@ -221,12 +223,25 @@ class _Lattice:
     tail: int
 
     def blocks(self) -> list[slice]:
-        """Return runs of levels, whole directions of a lattice, of about `BLOCK` cells and bins each."""
-        edges = (self.width + 2 * self.tail + 1)[self.owner]
-        size = np.cumsum((self.farthest - self.nearest) * (edges // FINE + 3) + 2 * edges)
-        starts = np.flatnonzero(np.diff(self.owner, prepend=-1))
-        starts = starts[np.flatnonzero(np.diff(size[starts] // BLOCK, prepend=-1))]
-        return [slice(*ends) for ends in pairwise([*starts.tolist(), len(self.owner)])]
+        """Return runs of levels, whole directions of a lattice, of one or of `BLOCK` cells and bins at most.
+
+        Every level of a run takes as many bins as the widest.
+        """
+        begin = np.append(np.flatnonzero(np.diff(self.owner, prepend=-1)), len(self.owner))
+        num_rows = np.diff(np.append(0, np.cumsum(self.farthest - self.nearest))[begin])
+        starts, rows, widest = list[int](), 0, 0
+        for level, stop, more, width in zip(
+            begin, begin[1:], num_rows, self.width[self.owner[begin[:-1]]], strict=False
+        ):
+            rows, widest = rows + int(more), max(widest, int(width))
+            if not starts or self.size(stop - starts[-1], rows, widest) > BLOCK:
+                starts, rows, widest = [*starts, int(level)], int(more), int(width)
+        return [slice(*ends) for ends in pairwise([*starts, len(self.owner)])]
+
+    def size(self, num_levels: int, num_rows: int, width: int) -> int:
+        """Return the cells of rows, and bins of cumulated and other spectra of levels, of the bins of the widest."""
+        edges = width + 2 * self.tail + 1
+        return num_rows * (edges // FINE + 3) + 2 * num_levels * edges
 
 
 def _lattice(
@@ -242,7 +257,7 @@ def _lattice(
     row = np.concatenate([np.searchsorted(distance[parity::2], scatter.free) for parity in (0, 1)])
     cell = both.reshape(-1, 4)
     order = np.lexsort((-row, *cell.T))
-    order = order[row[order] > 0]  # rows before the first surface
+    order = order[(row[order] > 0) & (np.tile(scatter.weight, 2)[order] > 0.0)]  # rows before the first surface
     cell, row, member = cell[order], row[order], order % max(len(scatter.weight), 1)
     is_first = np.any(np.diff(cell, axis=0, prepend=np.nan) != 0.0, axis=1)
     first, begin = np.flatnonzero(is_first), np.flatnonzero(is_first | (np.diff(row, prepend=-1) != 0))
@@ -345,10 +360,25 @@ def _spectra(scatter: Scatter, lattice: _Lattice, levels: slice) -> Array:
     begin = np.searchsorted(owner, owner)  # the first level of the same direction
     spectrum -= np.concatenate([np.zeros((1, width)), spectrum])[begin]
     if lattice.tail:
-        edges = np.arange(width + 2 * lattice.tail + 1) - lattice.tail
-        below = ndtr((edges[None] - np.arange(width)[:, None] - 0.5) * step / scatter.spread)
-        return np.asarray(spectrum @ below)
+        return _smeared(np.asarray(spectrum, dtype=np.float64), lattice.tail, step / scatter.spread)
     return np.concatenate([np.zeros((len(stop), 1)), np.cumsum(spectrum, axis=1)], axis=1)
+
+
+def _smeared(spectrum: Array, tail: int, step: float) -> Array:
+    """Return what is below each edge of spectra with turbulence; `step`: a bin in its standard deviations.
+
+    A part of the bins at a time, of which all is below the edges that are `tail` bins and more beyond.
+    """
+    width, reach = spectrum.shape[1], 2 * tail + 1
+    part = min(width, max(reach, LEAST_PART))
+    below = ndtr((np.arange(-tail, part + tail + 1)[None] - np.arange(part)[:, None] - 0.5) * step)
+    cumulated = np.zeros((len(spectrum), width + reach))
+    for start in range(0, width, part):
+        bins = spectrum[:, start : start + part]
+        end = bins.shape[1] + reach
+        cumulated[:, start : start + end] += bins @ below[: bins.shape[1], :end]
+        cumulated[:, start + end :] += bins.sum(axis=1, keepdims=True)
+    return cumulated
 
 
 def thinned(power: Array, most: int, rng: np.random.Generator) -> tuple[Index, Array]:
@@ -359,9 +389,8 @@ def thinned(power: Array, most: int, rng: np.random.Generator) -> tuple[Index, A
     if len(power) <= most:
         return np.arange(len(power)), power
     rising = np.sort(power)
-    rest = np.cumsum(rising)[::-1][:most] / (
-        most - np.arange(most)
-    )  # of all but the strongest, for those that are left
+    left = most - np.arange(most)  # besides the strongest, which are kept for certain
+    rest = np.cumsum(rising)[::-1][:most] / left
     level = rest[np.argmax(rising[::-1][:most] <= rest)]
     chance = np.minimum(power / level, 1.0)
     kept = np.flatnonzero(rng.random(len(power)) < chance)
