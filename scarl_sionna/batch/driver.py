@@ -128,7 +128,7 @@ def _export(
         with noted_warnings(planning.append):
             plan = plan_export(scenarios, settings.options, settings.licence, settings.description, settings.plan_file)
             part = None if settings.part is None else f"{settings.part[0]}_of_{settings.part[1]}"
-            folder = stack.enter_context(_folder(out, plan, settings, part))
+            folder = stack.enter_context(dataset_folder(out, plan, settings, part))
         stack.enter_context(_log_file(folder.root))
         for text in planning:
             LOG.warning("planning: warning: %s", text)
@@ -160,7 +160,10 @@ def _export(
     return report
 
 
-def _folder(out: str | Path, plan: ExportPlan, settings: ExportSettings, part: str | None) -> DatasetFolder:
+def dataset_folder(
+    out: str | Path, plan: ExportPlan, settings: ExportSettings, part: str | None = None
+) -> DatasetFolder:
+    """Return the folder or place of a dataset, not entered yet."""
     if not is_address(out):
         return DatasetFolder(out, plan.dataset, overwrite=settings.overwrite, part=part)
     if settings.workers or settings.scheduler is not None:

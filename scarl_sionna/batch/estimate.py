@@ -6,7 +6,7 @@ import os
 import shutil
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -16,7 +16,7 @@ from scarl_sionna.dataset.store.records import metadata_texts
 from scarl_sionna.dataset.store.remote import is_address, scratch_folder
 from scarl_sionna.simulation import load_world, observe
 
-from .driver import ExportSettings
+from .driver import ExportSettings, dataset_folder
 from .plan import ExportPlan
 
 
@@ -86,7 +86,18 @@ class Estimate:
 
 
 def estimate(plan: ExportPlan, out: str | Path, settings: ExportSettings) -> Estimate:
-    """Simulate two frames of the first scenario without writing them, and return what the export will take."""
+    """Simulate two frames of the first scenario without writing them, and return what the export will take.
+
+    Where `out` holds a dataset already, shards are as long as its own, as in the export.
+
+    Raises
+    ------
+    OutputError
+        If `out` is an address that no dataset can be written to.
+    DatasetError
+        If `out` is an address that does not answer.
+    """
+    plan = replace(plan, dataset=dataset_folder(out, plan, settings).look())
     scenario = plan.scenarios[sorted(plan.scenarios)[0]]
     started = perf_counter()
     world = load_world(scenario)

@@ -7,13 +7,16 @@ from pathlib import Path
 import pytest
 
 from scarl_sionna.batch import ExportSettings, export
+from scarl_sionna.batch.estimate import estimate
+from scarl_sionna.batch.plan import plan_export
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.dataset import StoreOptions, open_dataset, write_dataset
-from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan
+from scarl_sionna.dataset.store.manifest import BACKUP, MANIFEST, DatasetPlan, ScenePlan
+from scarl_sionna.dataset.store.remote import RemoteFolder, RemoteTarget
 from scarl_sionna.dataset.store.writer import DatasetFolder
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import contents, scenario_files
-from tests.frames import RIG, make_frame
+from tests.frames import RIG, assert_same, make_frame
 
 FRAMES = [make_frame(index) for index in range(7)]
 
@@ -71,3 +74,86 @@ def test_an_export_goes_on_with_a_dataset_of_before(tmp_path: Path) -> None:
     report = export([scenario], out)
     assert (report.num_frames, report.num_kept) == (4, 1)
     assert [path.name for path in sorted(out.glob("shards/one/*.zip"))] == ["000000.zip"]
+
+
+def without_manifest(out: Path) -> None:
+    for name in (MANIFEST, BACKUP):
+        (out / name).unlink()
+
+
+@pytest.mark.parametrize(("length", "frames"), [(2, 7), (8, 7), (5, 6), (20, 1)])
+@pytest.mark.parametrize("layout", ["packed", "files"])
+def test_records_tell_the_length_where_the_manifest_is_lost(tmp_path: Path, length: int, frames: int, layout) -> None:
+    options = StoreOptions(shard_frames=length, layout=layout)
+    out = write_dataset(tmp_path / "out", RIG.to_dict(), {"a": FRAMES[:frames]}, options=options)
+    before = contents(out)
+    without_manifest(out)
+    write_dataset(out, RIG.to_dict(), {"a": FRAMES[:frames]}, options=StoreOptions(layout=layout))
+    assert contents(out) == before
+
+
+def test_other_lengths_and_configurations_are_refused_still(tmp_path: Path) -> None:
+    out = write_dataset(tmp_path / "out", RIG.to_dict(), {"a": FRAMES}, options=StoreOptions(shard_frames=8))
+    without_manifest(out)
+    for stated in ({"options": StoreOptions(shard_frames=3)}, {"configuration": {"seed": 1}}):
+        with pytest.raises(OutputError, match="another configuration"):
+            write_dataset(out, RIG.to_dict(), {"a": FRAMES}, **stated)
+    write_dataset(out, RIG.to_dict(), {"a": FRAMES}, overwrite=True)
+    assert open_dataset(out).plan.options.shard_frames == 3
+
+
+def to_memory(out: Path, url: str) -> RemoteTarget:
+    target = RemoteTarget(url)
+    for name, data in contents(out).items():
+        target.write(name, data)
+    return target
+
+
+def test_records_in_a_store_tell_the_length(tmp_path: Path) -> None:
+    """Shards of 8 frames passed for those of 3: their records were not looked at."""
+    out = write_dataset(tmp_path / "out", RIG.to_dict(), {"a": FRAMES}, options=StoreOptions(shard_frames=8))
+    before = contents(out)
+    without_manifest(out)
+    target = to_memory(out, "memory://lengths")
+    for plan, overwrite in ((ScenePlan("a", 7, {"seed": 1}), False), (ScenePlan("a", 7), False)):
+        folder = RemoteFolder(
+            target.url, DatasetPlan(RIG.to_dict(), (plan,)), overwrite=overwrite, scratch=tmp_path / "scratch"
+        )
+        if plan.configuration:
+            with pytest.raises(OutputError, match="another configuration"), folder:
+                pass
+        else:
+            with folder:
+                assert folder.is_finished("a", 0) and folder.look().options.shard_frames == 8
+                folder.finalize()
+    assert {name: target.read(name) for name in target.walk()} == before
+    plan = DatasetPlan(RIG.to_dict(), (ScenePlan("a", 7, {"seed": 1}),))
+    for name in (MANIFEST, BACKUP):
+        target.remove(name)
+    with RemoteFolder(target.url, plan, overwrite=True, scratch=tmp_path / "scratch") as folder:
+        assert not any(folder.rows["a"]) and not [name for name in target.walk() if name.startswith("shards/")]
+
+
+@pytest.mark.parametrize("place", ["folder", "store"])
+def test_a_dry_run_forecasts_shards_as_long_as_those_there(tmp_path: Path, place: str) -> None:
+    """Six frames into shards of eight: one shard, and where it is overwritten two."""
+    (path,) = scenario_files(tmp_path / "s", one=6)
+    scenario, out = ScenarioSpec.load(path), tmp_path / "out"
+    export([scenario.with_(num_frames=1)], out, ExportSettings(options=StoreOptions(shard_frames=8)))
+    where = str(out) if place == "folder" else to_memory(out, "memory://forecast").url
+    plan = plan_export([scenario], StoreOptions())
+    assert [estimate(plan, where, ExportSettings(overwrite=overwrite)).num_files for overwrite in (False, True)] == [
+        4 + 2,
+        4 + 4,
+    ]
+
+
+def test_a_frame_is_the_same_in_shards_of_any_length(tmp_path: Path) -> None:
+    """Files and hashes are not, and the default length goes by the frames of all drives: docs/export.md."""
+    rig, longer = RIG.to_dict(), [make_frame(index) for index in range(16)]
+    alone = open_dataset(write_dataset(tmp_path / "alone", rig, {"a": longer[:12]}))
+    both = open_dataset(write_dataset(tmp_path / "both", rig, {"a": longer[:12], "b": longer}))
+    assert (alone.plan.options.shard_frames, both.plan.options.shard_frames) == (3, 7)
+    for one, other in zip(alone.scene("a"), both.scene("a"), strict=True):
+        assert_same(one.to_frame(), other.to_frame())
+    assert alone.plan.scene_hash("a") != both.plan.scene_hash("a") == alone.plan.scene_hash("a", 7)

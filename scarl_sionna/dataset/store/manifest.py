@@ -140,7 +140,7 @@ class DatasetPlan:
     licence, description : str
         For the dataset card.
     has_free_shards : bool
-        No number of frames a shard was asked for: that of a dataset that is there holds.
+        No number of frames a shard was asked for: that of a dataset that is there holds (`in_shards_of`).
     """
 
     rig: Mapping[str, Any]
@@ -177,11 +177,11 @@ class DatasetPlan:
         """Return a scene by name."""
         return next(scene for scene in self.scenes if scene.name == name)
 
-    def in_shards_of(self, there: DatasetPlan | None) -> DatasetPlan:
-        """Return this plan with as many frames a shard as another one, where no number was asked for."""
-        if there is None or not self.has_free_shards:
+    def in_shards_of(self, shard_frames: int) -> DatasetPlan:
+        """Return this plan with so many frames a shard, where no number was asked for."""
+        if not self.has_free_shards:
             return self
-        return replace(self, options=replace(self.options, shard_frames=there.options.shard_frames))
+        return replace(self, options=replace(self.options, shard_frames=shard_frames))
 
     @property
     def configuration(self) -> dict[str, Any]:
@@ -193,10 +193,14 @@ class DatasetPlan:
             "scenes": {scene.name: scene.configuration for scene in self.scenes},
         }
 
-    def scene_hash(self, name: str) -> str:
-        """Return the SHA-256 of all that decides the bytes of one scene's frames."""
+    def scene_hash(self, name: str, shard_frames: int | None = None) -> str:
+        """Return the SHA-256 of all that decides the bytes of one scene's shards; with so many frames each, if stated.
+
+        Frames are the same in shards of any length, files are not: a record is of shards of one length.
+        """
         whole = self.configuration
-        return hash_of({**whole, "scenes": whole["scenes"][name]})
+        options = self.options if shard_frames is None else replace(self.options, shard_frames=shard_frames)
+        return hash_of({**whole, "scenes": whole["scenes"][name], "storage": options.to_dict()})
 
     def merged(self, there: DatasetPlan) -> DatasetPlan:
         """Return this plan with the scenes of another one that it lacks, and the larger number of common frames."""

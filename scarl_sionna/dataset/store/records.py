@@ -23,13 +23,15 @@ from scarl_sionna.dataset.codec import checksum_of, with_checksum
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
 
 from .files import MOST_JSON_BYTES, Files, LocalFiles, check_name, output_error, read_member
-from .forms import RecordForm
+from .forms import MOST_SHARD_FRAMES, RecordForm
 from .layout import METADATA
-from .manifest import ARRAYS, IMAGES, SHARDS, ScenePlan
+from .manifest import ARRAYS, IMAGES, SHARDS, DatasetPlan, ScenePlan
 from .shards import ArrayInfo, array_metadata, group_metadata, index_length, parse_index, shard_key
 
 Row = list[Any] | None
 """Checksum, number of frames, failed frames and bytes of a shard, as the manifest holds them."""
+_MOST_TRIED = 1024
+"""Frames in a shard, at most, that a lone first shard is recognized by: as many as the command line takes."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """Time of every member of a ZIP file, so that the same frames give the same bytes."""
 
@@ -175,6 +177,27 @@ def read_record(root: Path, scene: str, shard: int) -> ShardRecord | None:
 def is_full(row: Row, scene: ScenePlan, shard: int, options: StoreOptions) -> bool:
     """Return whether a shard has all of its frames."""
     return row is not None and row[1] == len(scene.shard_range(shard, options))
+
+
+def shard_length(plan: DatasetPlan, records: Mapping[tuple[str, int], ShardRecord]) -> int | None:
+    """Return the frames in a shard of which a plan makes the shards that are there, by scene and number; None: of none.
+
+    The first frame of a shard tells it. The first shard of a scene has it in the hash of its configuration only.
+    """
+    scenes = {scene.name for scene in plan.scenes}
+    last = max(((shard, scene) for scene, shard in records if scene in scenes), default=None)
+    if last is None:
+        return None
+    shard, scene = last
+    record = records[scene, shard]
+    frames = (*record.frames, *record.failed) or (0,)
+    lengths = (min(frames) // shard,) if shard else range(max(frames) + 1, _MOST_TRIED + 1)
+    found = (
+        length
+        for length in lengths
+        if 1 <= length <= MOST_SHARD_FRAMES and plan.scene_hash(scene, length) == record.configuration
+    )
+    return next(found, None)
 
 
 def lost_file(root: Path, record: ShardRecord) -> str | None:

@@ -11,8 +11,9 @@ import hashlib
 import os
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from types import TracebackType
 from typing import Any
 
@@ -185,13 +186,26 @@ class RemoteFolder(DatasetFolder):
     def _there(self) -> There:
         return There.look(self.target, self.root)
 
+    def _records(self, there: There) -> dict[tuple[str, int], ShardRecord]:
+        found = {}
+        for path in map(PurePosixPath, self.target.walk()):
+            if len(path.parts) == 3 and path.parts[0] == SHARDS and path.suffix == ".json" and path.stem.isdigit():
+                text = self.target.read(str(path))
+                with suppress(DatasetError):
+                    found[path.parent.name, int(path.stem)] = ShardRecord.parse(text)
+        return found
+
+    def _check_lost(self, name: str, record: ShardRecord) -> None:
+        """Nothing: the rows of the manifest are made of shards whose ZIP file is there."""
+
     def _check_foreign(self) -> There:
         """Return what of ours is there, or raise if something that is not ours stands there and no dataset."""
         there = self._there()
         self._take_shards(there)
         if there.plan is None and not self.repair:
             found = self.target.walk()
-            names = [name for name in found if not Layout(self.plan).owns(name)]
+            layout = Layout(self.plan)
+            names = [name for name in found if not layout.owns(name) and not (name == CARD and self._has_card())]
             if names:
                 raise OutputError(
                     f"{self.address} holds other files ({first_few(names)}) and no dataset; they are kept: choose "
@@ -201,11 +215,12 @@ class RemoteFolder(DatasetFolder):
 
     def _prepare(self) -> None:
         there = self._check_foreign()
-        if self.overwrite and self.part is None and there.plan is not None:
-            self._clear_remote(there.plan)
+        if self.overwrite and self.part is None:
+            self._clear_remote(there.plan or self.plan)
             there = There(self.root)
+        old = there.plan or self._plan_of_shards(self._records(there))
         begun = there.manifest is not None and any(any(rows) for rows in there.manifest["shards"].values())
-        grows = self._merge(there.plan, begun or holds_frames(self.root))
+        grows = self._merge(old, begun or holds_frames(self.root))
         self._write_manifest({} if there.manifest is None or grows else there.manifest["shards"], there.manifest)
         self._tidy_shards()
         self._tidy_work()
@@ -249,6 +264,10 @@ class RemoteFolder(DatasetFolder):
             if old != texts[name] and not is_theirs:
                 self.target.write(name, texts[name].encode())
         return data
+
+    def _has_card(self) -> bool:
+        text = self._text(CARD)
+        return text is not None and is_card_text(text)
 
     def _text(self, name: str) -> str | None:
         try:

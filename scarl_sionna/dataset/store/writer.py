@@ -50,7 +50,17 @@ from .manifest import (
     plan_of,
     recover_manifest,
 )
-from .records import Row, ShardRecord, is_full, lost_file, meta_name, metadata_texts, record_name, shard_rows
+from .records import (
+    Row,
+    ShardRecord,
+    is_full,
+    lost_file,
+    meta_name,
+    metadata_texts,
+    record_name,
+    shard_length,
+    shard_rows,
+)
 from .shard_writer import ShardWriter, tidy_shard
 from .shards import group_metadata
 
@@ -133,6 +143,11 @@ class DatasetFolder:
     ) -> None:
         self._stack.close()
 
+    def look(self) -> DatasetPlan:
+        """Return the plan in shards as long as it would be carried out here; nothing is written."""
+        self._take_shards(self._there())
+        return self.plan
+
     def shard(self, scene: str, shard: int, lock_timeout: float = 120.0) -> ShardWriter:
         """Return the writer of a shard."""
         configuration = self.plan.scene_hash(scene)
@@ -191,7 +206,7 @@ class DatasetFolder:
         if self.overwrite and self.part is None:
             self._clear(there)
             there = There(self.root)
-        old = there.plan or self._plan_of_shards(there.records())
+        old = there.plan or self._plan_of_shards(self._records(there))
         grows = self._merge(old, holds_frames(self.root))
         self._write_manifest({} if there.manifest is None or grows else there.manifest["shards"], there.manifest)
         self._tidy_work()
@@ -263,9 +278,19 @@ class DatasetFolder:
         return there
 
     def _take_shards(self, there: There) -> None:
-        """Go on with shards as long as those of the dataset that is there, where the plan leaves their length free."""
-        if not self.overwrite:
-            self.plan = self.plan.in_shards_of(there.plan)
+        """Go on with shards as long as those of the dataset that is there, where the plan leaves their length free.
+
+        Where the manifest is lost with its copy the records of finished shards tell it.
+        """
+        if self.overwrite or not self.plan.has_free_shards:
+            return
+        found = there.plan.options.shard_frames if there.plan else shard_length(self.plan, self._records(there))
+        if found is not None:
+            self.plan = self.plan.in_shards_of(found)
+
+    def _records(self, there: There) -> dict[tuple[str, int], ShardRecord]:
+        """Return the records of the finished shards of the dataset, by scene and number."""
+        return there.records()
 
     def _others(self) -> list[str]:
         """Return what is in a folder that holds no dataset: one belongs in a folder of its own."""
@@ -293,13 +318,17 @@ class DatasetFolder:
             name = record_name(scene, shard)
             if record.configuration != known.get(scene):
                 raise OutputError(
-                    f"{self.root} has lost its {MANIFEST}, and {name} is of another "
+                    f"{self.address} has lost its {MANIFEST}, and {name} is of another "
                     "configuration; give the configuration that made it, choose another folder or overwrite"
                 )
-            if (lost := lost_file(self.root, record)) is not None:
-                self._lost.append(lost)
-                remove_file(self.root / name)  # it is made again
+            self._check_lost(name, record)
         return self.plan if records else None
+
+    def _check_lost(self, name: str, record: ShardRecord) -> None:
+        """Remove the record of a shard that has lost a file, so that it is made again."""
+        if (lost := lost_file(self.root, record)) is not None:
+            self._lost.append(lost)
+            remove_file(self.root / name)
 
     def _clear(self, there: There) -> None:
         """Remove a dataset's own files; what is foreign stays.
