@@ -12,6 +12,10 @@ import scarl_sionna as ss
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.optics import far_field
+from scarl_sionna.radar.optics.far_field import scattering_matrices
+from scarl_sionna.radar.optics.plane_waves import Looks
+from scarl_sionna.radar.optics.replay import FixedTubes
+from scarl_sionna.radar.optics.surfaces import PartSurfaces
 from scarl_sionna.radar.rcs import load_body, scattering_matrix
 from tests.oracles import rcs as oracle
 
@@ -239,3 +243,26 @@ def test_what_comes_back_is_reciprocal(angle_deg: float, edges: bool, monkeypatc
     for entry in (0, 1):
         assert found[:, entry, entry].tobytes() == alone[:, entry, entry].tobytes()
     assert found[:, 0, 1] == pytest.approx(0.5 * (alone[:, 0, 1] + alone[:, 1, 0]))
+
+
+@pytest.mark.parametrize("name", ["a turn more", "beside", "over the pole", "at the pole"])
+def test_the_way_back_is_told_by_directions_not_by_how_their_angles_are_written(name: str) -> None:
+    body, theta, phi = load_body(two_plates(75.0)), np.radians([80.0, 90.0]), np.full(2, np.radians(50.0))
+    theta = np.zeros(2) if name == "at the pole" else theta
+    other = {
+        "a turn more": (theta, phi + 2.0 * np.pi),
+        "beside": (theta, phi + 1e-9),
+        "over the pole": (-theta, phi + np.pi),  # with V and H turned round
+        "at the pole": (theta, phi + 1.0),
+    }[name]
+    looks = Looks(np.full(2, F77), theta, phi, *other)
+    found = scattering_matrices(body, PartSurfaces(), looks)
+    kept = FixedTubes.trace(body, looks).matrices(PartSurfaces())
+    assert np.abs(kept - found).max() < 1e-9 * np.abs(found).max()
+    if name == "at the pole":  # other axes there: V is no V
+        assert not looks.is_backward.any()
+        return
+    assert looks.is_backward.all()
+    plain = scattering_matrix(body, F77, theta, phi) * (-1.0 if name == "over the pole" else 1.0)
+    assert np.abs(found - plain).max() < 1e-4 * np.abs(plain).max()
+    assert np.array_equal(found, found.transpose(0, 2, 1))

@@ -22,8 +22,8 @@ from .tubes.trace import GRAZING, Tubes, depth_first, face_of_plane, gathered, l
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-_BACKWARD = 1e-12
-"""An observer within this (1 + direction . observer, so 1e-6 rad) of the source sees what the source lights."""
+_SAME = 1e-6
+"""Directions within this are one [rad]: an observer so close to the source sees what the source lights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +78,18 @@ class Looks:
 
     @property
     def is_backward(self) -> npt.NDArray[np.bool_]:
-        """Whether the observer stands where the wave comes from, shape (num_looks,)."""
-        return (self.theta == self.theta_s) & (self.phi == self.phi_s)
+        """Whether the observer stands where the wave comes from, shape (num_looks,), however the angles are written.
+
+        At a pole, where directions do not tell phi, only with the same axes of V and H, up to a sign of both.
+        """
+        here, there = unit_vectors(self.theta, self.phi), unit_vectors(self.theta_s, self.phi_s)
+        alike = are_same(here[2], there[2]) | are_same(here[2], -there[2])
+        return alike & are_same(here[0], there[0])
+
+
+def are_same(first: Array, second: Array) -> npt.NDArray[np.bool_]:
+    """Return whether unit vectors of shape (n, 3) are one direction, shape (n,)."""
+    return np.asarray(np.linalg.norm(first - second, axis=1) < _SAME)
 
 
 def unit_vectors(theta: Array, phi: Array) -> tuple[Array, Array, Array]:
@@ -95,6 +105,7 @@ def unit_vectors(theta: Array, phi: Array) -> tuple[Array, Array, Array]:
 class Plan:
     """Looks sorted by wave and observer: `view` is a pair (wave, observer), with one look a frequency."""
 
+    looks: Looks
     waves: Waves
     first_view: Index  # (num_waves + 1,): views of each wave
     observer: Array  # (num_views, 3)
@@ -119,11 +130,12 @@ def plan_of(looks: Looks) -> Plan:
     waves = Waves(-r_hat, np.stack([theta_hat, phi_hat], axis=2), SPEED_OF_LIGHT / highest)
     observer, theta_s, phi_s = unit_vectors(views[:, 2], views[:, 3])
     return Plan(
+        looks=looks,
         waves=waves,
         first_view=np.searchsorted(wave_of, np.arange(len(sources) + 1)),
         observer=observer,
         receive=np.stack([theta_s, phi_s], axis=1),
-        backward=1.0 + np.einsum("ij,ij->i", observer, waves.direction[wave_of]) < _BACKWARD,
+        backward=are_same(observer, -waves.direction[wave_of]),
         first_look=np.searchsorted(view_of[order], np.arange(len(views) + 1)),
         look=order,
         wavenumber=2.0 * np.pi * looks.frequency[order] / SPEED_OF_LIGHT,

@@ -175,9 +175,7 @@ class FixedTubes:
         fields = self.weight[:, None] * np.einsum("nri,nit->nrt", self.plan.receive[view], vector).reshape(-1, 4)
         count = len(self.plan.look)
         columns = [np.bincount(self.look, c.real, count) + 1j * np.bincount(self.look, c.imag, count) for c in fields.T]
-        backward = np.empty(count, dtype=np.bool_)
-        backward[self.plan.look] = np.repeat(self.plan.backward, np.diff(self.plan.first_look))
-        return both_senses(np.stack(columns, axis=1).reshape(-1, 2, 2), backward)
+        return both_senses(np.stack(columns, axis=1).reshape(-1, 2, 2), self.plan.looks.is_backward)
 
 
 def _append(columns: dict[str, list[npt.NDArray[Any]]], **values: npt.NDArray[Any]) -> None:
