@@ -28,7 +28,8 @@ from benchmarks.row_files import append_rows, read_rows
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.engine.world import WorldState
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.compose.expected_error import band_power, owners
+from scarl_sionna.radar.channel.band_mean import band_power
+from scarl_sionna.radar.channel.compose.expected_error import owners
 from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from scenes_xml import scene_path
 from tests.oracles import two_ray as oracle

@@ -25,7 +25,8 @@ from benchmarks.harness import ANY_COST
 from benchmarks.street_scenes import Street, problem
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel import ChannelPlan, plan_channel, solve_paths
-from scarl_sionna.radar.channel.compose.expected_error import mean_power, owners
+from scarl_sionna.radar.channel.band_mean import mean_power
+from scarl_sionna.radar.channel.compose.expected_error import owners
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.antenna import boresights, largest_field_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power

@@ -36,7 +36,8 @@ from benchmarks.whole_street_figures import WHOLE, kept, write
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel import ChannelPlan, plan_channel, solve_paths
-from scarl_sionna.radar.channel.compose.expected_error import mean_power, owners
+from scarl_sionna.radar.channel.band_mean import mean_power
+from scarl_sionna.radar.channel.compose.expected_error import owners
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.noise import angle_cell_noise_power
 

@@ -11,7 +11,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
-from scarl_sionna.radar.channel.compose.expected_error import mean_power
+from scarl_sionna.radar.channel.band_mean import mean_power
 from scarl_sionna.radar.channel.sbr import senses
 from tests.scenes import DEFAULT_MATERIALS, Material, Thing, ball, box, write_scene
 

@@ -11,7 +11,7 @@ import scarl_sionna as ss
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.engine.world import WorldState
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.compose.expected_error import mean_power
+from scarl_sionna.radar.channel.band_mean import mean_power
 from tests.scenes import Thing, write_scene
 
 RADAR = ss.RadarSpec()

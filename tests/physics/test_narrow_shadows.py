@@ -16,8 +16,8 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import WorldState
 from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.channel.band_mean import mean_power
 from scarl_sionna.radar.channel.compose.budget import sbr_settings
-from scarl_sionna.radar.channel.compose.expected_error import mean_power
 from tests.scenes import Thing, box, plane, write_scene
 
 RADAR = ss.RadarSpec()

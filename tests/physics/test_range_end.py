@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
-from scarl_sionna.radar.channel.compose.expected_error import band_power, owners
+from scarl_sionna.radar.channel.band_mean import band_power
+from scarl_sionna.radar.channel.compose.expected_error import owners
 from scarl_sionna.radar.channel.range_end import LONGEST_FADE, fade_of, within_reach
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.points import solve_points

@@ -9,7 +9,10 @@ import trimesh
 import scarl_sionna as ss
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.channel import ChannelPlan, Share
+from scarl_sionna.radar.channel.sbr.last_bounce import further_db
 from scarl_sionna.radar.channel.sbr.reciprocity import with_reverses
+from scarl_sionna.radar.channel.sbr.shadows import shadows_db
+from scarl_sionna.radar.optics.tubes.checks import Wrong
 from tests.physics.test_rcs_shapes import two_plates
 from tests.scenes import Thing, plane, write_scene
 
@@ -97,3 +100,49 @@ def test_what_has_its_reverse_stays(state) -> None:
     semantic = {number: info.semantic for number, info in state.world.instances.items()}
     last = new.instance[np.arange(new.num_paths), new.depth - 1]
     assert [semantic[int(number)] for number in last] == new.semantic.tolist()
+
+
+@pytest.fixture(scope="module")
+def dihedral(tmp_path_factory):
+    """A dihedral rolled by 45 deg, 10 m ahead: V comes back as H, and the fields VV of both its ways cancel."""
+    sides = [plane(0.2, 0.3, (0, y, 0), (-1, -np.sign(y), 0)) for y in (0.1 / np.sqrt(2.0), -0.1 / np.sqrt(2.0))]
+    mesh = trimesh.util.concatenate(sides)
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(np.radians(45.0), (1, 0, 0)))
+    mesh.apply_translation((10.0, 0.0, 0.0))
+    return ss.load_scene(write_scene(tmp_path_factory.mktemp("dihedral"), [Thing("one", mesh, "Car", "steel")])).at(0.0)
+
+
+def test_what_bounces_have_of_echoes_is_told_of_what_the_antennas_hear(dihedral) -> None:
+    """All of VH is the second bounce, which one bounce alone does not have; VV is what is left where all cancels."""
+    (number,) = dihedral.world.instances
+    shares, beyond = {}, {}
+    for sent, heard in ((V, V), (V, H), (H, V), (H, H)):
+        radar, name = crossed(sent, heard), f"{heard.polarization}{sent.polarization}"
+        one, two = (
+            ss.solve_paths(dihedral, radar, POSE, "sbr", settings=KNOBS.with_(max_depth=depth)) for depth in (1, 2)
+        )
+        shares[name] = two.diagnostics["last_bounce_db"][number]
+        beyond[name] = further_db(one, two, radar, 1)[number]
+    assert shares["VH"] == shares["HV"] == pytest.approx(0.0, abs=0.1)
+    assert abs(shares["VV"]) > 1.0
+    assert beyond["VH"] == beyond["HV"] > beyond["VV"] + 20.0
+
+
+def test_shadows_are_told_by_what_the_antennas_hear() -> None:
+    """Patches whose fields cancel in VV and add up in HH; crossed antennas hear VH, which adds up, too."""
+    a = np.zeros((8, 2, 2), dtype=np.complex128)
+    a[:, 1, 1], a[:, 0, 1], a[:, 1, 0] = 1.0, 0.5, 0.5
+    a[:, 0, 0] = np.where(np.arange(8) < 7, [1.0, -1.0] * 4, -0.9)
+    columns = {
+        "instance": np.full((8, 1), 3),
+        "a": a,
+        "length": np.full(8, 20.0),
+        "depth": np.ones(8, dtype=np.int32),
+    }
+    told = {
+        (sent, heard): shadows_db({3: Wrong(0.1, 2)}, columns, crossed(*ends))[3]
+        for (sent, heard), ends in {"VV": (V, V), "HH": (H, H), "VH": (V, H), "HV": (H, V)}.items()
+    }
+    flash = pytest.approx(20.0 * np.log10(1.1), abs=0.01)
+    assert told["H", "H"] == told["V", "H"] == told["H", "V"] == flash
+    assert told["V", "V"] > 10.0

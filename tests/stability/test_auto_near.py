@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
+from scarl_sionna.radar.channel.band_mean import mean_power
 from scarl_sionna.radar.channel.compose.auto import plan_channel
-from scarl_sionna.radar.channel.compose.expected_error import mean_power
 from tests.scenes import Thing, ball, box, write_scene
 
 RADAR = ss.RadarSpec()

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
-from scarl_sionna.radar.channel.band_mean import mean_over_band
-from scarl_sionna.radar.channel.compose.expected_error import band_power, mean_power
+from scarl_sionna.radar.channel.band_mean import band_power, mean_over_band, mean_power
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 
@@ -58,6 +57,10 @@ def test_it_is_that_of_what_the_antennas_hear() -> None:
         radar = RADAR.with_(array=array.with_(**changes))
         found = mean_power(paths, radar, np.arange(NUM), np.zeros(NUM, dtype=np.int64), 1, 16)[0]
         assert found == pytest.approx(most * expected, rel=1e-9), changes
+    apart = replace(paths, world_from_rx=ss.Pose([0.0, 1.0, 0.0]))  # another radar hears one sense alone
+    radar = RADAR.with_(array=array.with_(rx_elements=(h,)))
+    found = mean_power(apart, radar, np.arange(NUM), np.zeros(NUM, dtype=np.int64), 1, 16)[0]
+    assert found == pytest.approx(most * 0.1**2, rel=1e-9)
 
 
 def mean_over_band_weight() -> float:

@@ -11,12 +11,10 @@ import numpy.typing as npt
 
 from scarl_sionna.core.settings.auto import ErrorEstimate, SbrLevel
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, mean_over_band
+from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, band_power, heard_power, mean_power
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.signal.antenna import pair_polarizations
 
 Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 Part: TypeAlias = "float | Array"
 
 
@@ -64,7 +62,7 @@ def expected_errors(
     last = met.sum(axis=1) >= level.max_depth
     whole = mean_power(paths, radar, rows, place, count, NUM_FREQUENCIES)
     beyond = mean_power(paths, radar, rows[last], place[last], count, NUM_FREQUENCIES)
-    apart = np.bincount(place, _power(paths.a[rows], radar), count)
+    apart = np.bincount(place, heard_power(paths.a[rows], radar), count)
     chain, first = _chains(paths.instance[rows])
     alike = mean_power(paths, radar, rows, chain, len(first), NUM_FREQUENCIES)
     between = _num_bodies(paths.instance[rows[first]], met[first]) > 1
@@ -228,80 +226,3 @@ def owners(paths: RadarPaths, numbers: Sequence[int], last: bool = False) -> npt
         here = paths.instance[:, column]
         owner = np.where((owner < 0) & np.isin(here, numbers), here, owner)
     return owner
-
-
-def mean_power(
-    paths: RadarPaths,
-    radar: RadarSpec,
-    rows: npt.NDArray[np.int64],
-    place: npt.NDArray[np.int64],
-    count: int,
-    num_frequencies: int,
-) -> Array:
-    """Return the mean power of groups of paths over the band and over what rough surfaces may be, shape (count,).
-
-    What a rough patch scatters has a random phase, which is another one where patches are cut otherwise: its power is
-    added, not its field. Parameters as of :func:`band_power`.
-    """
-    rough = paths.filled("random_phase")[rows]
-    found = band_power(paths, radar, rows[~rough], place[~rough], count, num_frequencies)
-    found += np.bincount(place[rough], _power(paths.a[rows[rough]], radar), count)
-    return found
-
-
-def band_power(
-    paths: RadarPaths,
-    radar: RadarSpec,
-    rows: npt.NDArray[np.int64],
-    place: npt.NDArray[np.int64],
-    count: int,
-    num_frequencies: int,
-) -> Array:
-    """Return the mean over the band of the power |sum a|^2 of groups of paths, shape (count,).
-
-    As the radar hears them, see :func:`heard`.
-
-    Parameters
-    ----------
-    paths : RadarPaths
-    radar : RadarSpec
-    rows, place : ndarray of int64, shape (n,)
-        Paths, and the group of each.
-    count : int
-        Groups.
-    num_frequencies : int
-        Over the sampled band, weighted by a Hann window.
-    """
-    power = np.zeros(count)
-    for field in heard(paths.a[rows], radar):
-        found = mean_over_band(field, paths.length[rows], place, radar, num_frequencies)
-        power[: len(found)] += found
-    return power
-
-
-def heard(a: Complex, radar: RadarSpec) -> list[Complex]:
-    """Return the fields of paths that a monostatic radar hears, each of shape (n,).
-
-    Parameters
-    ----------
-    a : ndarray of complex128, shape (n, 2, 2)
-        As in :class:`RadarPaths`.
-    radar : RadarSpec
-
-    Returns
-    -------
-    list of ndarray of complex128
-        VV where all antennas are V, HH where all are H; else of every polarisation of a pair, the powers of which are
-        to be added, times the root of its share of the pairs. By both senses of each path, whose lengths are the same.
-    """
-    array = radar.array
-    if array.is_of_one_polarization:
-        entry = "VH".index(str(array.tx[0].polarization))
-        return [a[:, entry, entry]]
-    mean = 0.5 * (a + a.transpose(0, 2, 1))
-    return [np.sqrt(share) * np.einsum("i,nij,j->n", rx, mean, tx) for share, tx, rx in pair_polarizations(array)]
-
-
-def _power(a: Complex, radar: RadarSpec) -> Array:
-    """Return the power of each path, shape (n,)."""
-    return np.asarray(sum(np.abs(field) ** 2 for field in heard(a, radar)))

@@ -16,13 +16,13 @@ import numpy.typing as npt
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
 from scarl_sionna.core.settings.plan import ChannelPlan
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES
+from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, mean_power
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.antenna import largest_field_gain
 
 from .budget import Surface, box_points
-from .expected_error import mean_power, owners
+from .expected_error import owners
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches_over
 

@@ -12,7 +12,7 @@ from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import power_to_db
-from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, mean_over_band
+from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, mean_power
 from scarl_sionna.radar.paths import RadarPaths
 
 Mask = npt.NDArray[np.bool_]
@@ -33,7 +33,7 @@ def last_bounces_db(paths: RadarPaths, radar: RadarSpec, max_depth: int) -> dict
     Parameters
     ----------
     paths : RadarPaths
-        Of `sbr`: VV counts, mean over the band; patches of random phases add their powers.
+        Of `sbr`: what the antennas hear counts, mean over the band; patches of random phases add their powers.
     radar : RadarSpec
     max_depth : int
         Bounces that were followed: 1 is none after the first, of which nothing is said.
@@ -70,13 +70,9 @@ def further_db(found: RadarPaths, more: RadarPaths, radar: RadarSpec, max_depth:
 
 def _powers(paths: RadarPaths, radar: RadarSpec, some: Mask, numbers: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
     """Return the power of some paths by the instance that they meet first, one of `numbers`, in their order."""
-    rough, place = paths.filled("random_phase"), np.searchsorted(numbers, paths.instance[:, 0])
-    power = np.zeros(len(numbers))
-    power += np.bincount(place[some & rough], np.abs(paths.a[some & rough, 0, 0]) ** 2, len(numbers))
-    rows = np.flatnonzero(some & ~rough)
-    found = mean_over_band(paths.a[rows, 0, 0], paths.length[rows], place[rows], radar, NUM_FREQUENCIES)
-    power[: len(found)] += found
-    return power
+    rows = np.flatnonzero(some)
+    place = np.searchsorted(numbers, paths.instance[rows, 0])
+    return mean_power(paths, radar, rows, place, len(numbers), NUM_FREQUENCIES)
 
 
 def warn_of_further(further: Mapping[str, float], max_depth: int, levels: WarningLevels) -> None:

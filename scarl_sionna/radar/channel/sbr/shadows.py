@@ -10,7 +10,7 @@ import numpy as np
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, mean_over_band
+from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, heard, heard_power, mean_over_band
 from scarl_sionna.radar.optics.tubes.checks import Wrong
 
 from .rows import Columns
@@ -19,7 +19,9 @@ MOST_DB = 99.0
 """Largest error that is told [dB]."""
 
 
-def shadows_db(wrong: Mapping[int, Wrong], columns: Columns, radar: RadarSpec) -> dict[int, float]:
+def shadows_db(
+    wrong: Mapping[int, Wrong], columns: Columns, radar: RadarSpec, is_monostatic: bool = True
+) -> dict[int, float]:
     r"""Return by how much the echo of instances may be off for what is not lit as their tubes are [dB].
 
     Parameters
@@ -29,21 +31,27 @@ def shadows_db(wrong: Mapping[int, Wrong], columns: Columns, radar: RadarSpec) -
     columns : dict
         Of all rows of a solve.
     radar : RadarSpec
+    is_monostatic : bool
+        Whether the radar receives itself.
 
     Notes
     -----
     Of a flash the share q that is wrong is one of the field. Where the fields of patches cancel, n wrong pieces of
-    random phases are more of what is left:
+    random phases are more of what is left, with the fields a that the antennas hear:
 
     .. math:: 20 \log_{10}\left(1 + q \max\left(1, \frac{\sum |a|}{\sqrt{n}\, |\sum a|}\right)\right)
     """
     found, first = {}, columns["instance"][:, 0]
     for number, (share, points) in wrong.items():
         rows = np.flatnonzero(first == number)
-        field, length = columns["a"][rows, 0, 0], columns["length"][rows]
-        power = mean_over_band(field, length, np.zeros(len(rows), dtype=np.int64), radar, NUM_FREQUENCIES)
-        echo = float(np.sqrt(power.sum()))
-        cancelled = float(np.abs(field[columns["depth"][rows] == 1]).sum()) / max(echo, 1e-300) if len(rows) else 1.0
+        a, length, place = columns["a"][rows], columns["length"][rows], np.zeros(len(rows), dtype=np.int64)
+        powers = [
+            mean_over_band(field, length, place, radar, NUM_FREQUENCIES).sum()
+            for field in heard(a, radar, is_monostatic)
+        ]
+        echo = float(np.sqrt(np.sum(powers)))
+        alone = np.sqrt(heard_power(a[columns["depth"][rows] == 1], radar, is_monostatic))
+        cancelled = float(alone.sum()) / max(echo, 1e-300) if len(rows) else 1.0
         error = 20.0 * np.log10(1.0 + share * max(1.0, cancelled / np.sqrt(points)))
         found[number] = min(round(float(error), 2), MOST_DB)
     return found

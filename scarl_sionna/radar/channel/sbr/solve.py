@@ -391,7 +391,7 @@ class _Solve:
             checked = Lit()
             for one in self.tracings:
                 checked.update(one.tracer.checked)
-            diagnostics["shadows_db"] = shadows_db(checked.wrong(), columns, bodies.radar)
+            diagnostics["shadows_db"] = shadows_db(checked.wrong(), columns, bodies.radar, self.has_reverse)
             warn_of_curves(bodies, columns)
             _warn_of_grazing(bodies, columns["cosine"], amplitude**2)
         columns, diagnostics["floor"] = above_floor(columns, amplitude, bodies.radar, knobs.floor_db)
