@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 import trimesh
@@ -90,6 +92,29 @@ def test_antennas_of_one_polarisation_have_the_paths_as_traced(state, monkeypatc
         for entry in (0, 1):
             alone, both = (field(paths, entry, entry, number) for paths in (raw, found[2]))
             assert both == pytest.approx(alone, rel=1e-9)
+
+
+def test_the_chains_of_a_share_have_reverses_as_its_own_settings_say(state) -> None:
+    """In a plan, and in what `auto` plans; what other shares have is left alone."""
+    numbers = {info.name: number for number, info in state.world.instances.items()}
+    kept, traced = KNOBS, KNOBS.with_(reciprocal=False)
+    found = {}
+    for name, of_one, of_others in (("all", kept, kept), ("one", kept, traced), ("none", traced, traced)):
+        plan = ChannelPlan((Share("sbr", ("one",), of_one), Share("sbr", ("left", "right"), of_others)))
+        found[name] = ss.solve_paths(state, crossed(V, H), POSE, "hybrid", plan=plan)
+    count = {name: paths.diagnostics.get("num_reverses", 0) for name, paths in found.items()}
+    assert count["all"] >= count["one"] > count["none"] == 0
+    assert np.isin(found["one"].instance[-count["one"] :], [-1, numbers["one"]]).all()
+    own, raw = (found[name].select((found[name].instance != numbers["one"]).all(axis=1)) for name in ("one", "none"))
+    assert own.num_paths and own.a.tobytes() == raw.a.tobytes()
+    plain = ChannelPlan((Share("sbr", ("*",)),))
+    for method, options in (("hybrid", {"plan": plain}), ("auto", {"channel_tolerance_db": 6.0})):
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", "sbr.reciprocal")
+            paths = ss.solve_paths(state, crossed(V, H), POSE, method, sbr=SbrSettings(reciprocal=False), **options)
+        assert "num_reverses" not in paths.diagnostics and (paths.depth > 1).any()
+    made = ss.plan_channel(state, crossed(V, H), POSE, channel_tolerance_db=6.0, reciprocal=False)
+    assert [share.settings.reciprocal for share in made.shares if share.solver == "sbr"] == [False]
 
 
 def test_what_has_its_reverse_stays(state) -> None:

@@ -102,6 +102,8 @@ def test_tables_name_settings_that_there_are() -> None:
         ("auto", {"max_phase": 0.1}, r"auto=AutoSettings\(levels=...\); or choose method 'sbr' or 'hybrid'"),
         ("auto", {"floor_db": None}, "AutoSettings"),
         ("auto", {"sbr": ss.SbrSettings(edge_diffraction=True)}, "AutoSettings"),
+        ("auto", {"sbr": {"max_depth": 2}}, "AutoSettings"),
+        ("raycast", {"reciprocal": False}, "choose method 'auto' or 'sbr' or 'hybrid'"),
         ("auto", {"over_budget": "coarsen"}, "choose method 'sbr' or 'hybrid'"),
         ("auto", {"plan": PLAN}, "choose method 'hybrid'"),
         ("auto", {"noise": False}, r"Radar\(radar, settings\)"),
@@ -135,6 +137,7 @@ def test_whole_settings_warn_of_what_has_no_effect(state) -> None:
     settings = RadarSettings(sbr=ss.SbrSettings(edge_diffraction=True, max_phase=0.1), instances=("ball",))
     with pytest.warns(ScarlWarning, match=r"^instances, sbr.max_phase, sbr.edge_diffraction: no effect .*'auto'"):
         solve_paths(state, RADAR, POSE, settings=settings.with_(raycast={"num_rays": 2_000}))
+    assert unread(settings.with_(sbr=ss.SbrSettings(reciprocal=False), instances=None)) == []  # crossed antennas
     assert unread(settings.with_(method="sbr")) == []
     assert unread(RadarSettings(method="hybrid", plan=PLAN, accuracy=ss.Accuracy(tube_budget=7))) == []  # planned by
     assert unread(settings.with_(method="raycast")) == ["sbr.max_phase", "sbr.edge_diffraction"]

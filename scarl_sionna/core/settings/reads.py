@@ -24,7 +24,8 @@ READS: Mapping[str, frozenset[str]] = {
     "auto": _ALL
     | _BUDGETS
     | _OBJECTS - {"sbr"}
-    | {"auto", "mirrors", "accuracy.channel_tolerance_db", "accuracy.channel_floor_db", "accuracy.tube_budget"},
+    | {"auto", "mirrors", "accuracy.channel_tolerance_db", "accuracy.channel_floor_db", "accuracy.tube_budget"}
+    | {"sbr.reciprocal"},
 }
 """Parts of the settings, or single fields of a part or of the settings themselves, that paths depend on, by method.
 ``tests/unit/test_settings_reads.py`` watches what solves take from their settings."""
@@ -45,7 +46,7 @@ OF_FRAMES = frozenset(
 
 
 def refuse_unread(method: str, fields: Mapping[str, object]) -> None:
-    """Refuse fields, given one by one, on which the paths of a method do not depend.
+    """Refuse fields, given one by one, on which the paths of a method do not depend, and parts by such fields alone.
 
     Parameters
     ----------
@@ -63,7 +64,9 @@ def refuse_unread(method: str, fields: Mapping[str, object]) -> None:
     for name, value in fields.items():
         part = RadarSettings.part_of(name, method)
         path = name if part is None else f"{part}.{name}"
-        if not _is_read(path, READS[method]):
+        given = (_given(name, value) if part is None else []) or [path]
+        known = READS[method] | OF_FRAMES
+        if not _is_read(path, READS[method]) or not any(_is_read(one, known) for one in given):
             allowed = f"with method '{method}' settings of {_listed(method)}"
             raise ParameterRangeError(name, short(value), allowed, _remedy(path, method))
 
@@ -118,6 +121,12 @@ def _is_read(path: str, allowed: Iterable[str]) -> bool:
     """Return whether a part, or a field of one, is among others, or holds one of them."""
     part = path.partition(".")[0]
     return path in allowed or part in allowed or any(one.startswith(f"{path}.") for one in allowed)
+
+
+def _given(part: str, value: object) -> list[str]:
+    """Return the names of the fields that are set in a part of the settings, ``part.field``."""
+    fields = value.model_fields_set if isinstance(value, Spec) else value if isinstance(value, Mapping) else ()
+    return [f"{part}.{field}" for field in fields]
 
 
 def _listed(method: str) -> str:

@@ -20,7 +20,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from .band import solved_over_band, warn_of_band
 from .compose.auto import plan_channel, solve_auto
 from .compose.hybrid import solve_hybrid
-from .compose.plan import OwnershipError
+from .compose.plan import OwnershipError, resolve
 from .multipath.solve import solve_sionna
 from .panes import warn_of_panes
 from .raycast.solve import solve_raycast
@@ -114,14 +114,20 @@ def solve_paths(
         warn_of_band(state, radar, chosen.warn_at)
         with few_threads():
             found = solve(state, radar, place, chosen, other)
-    return with_reverses(state, found) if other is None and _is_reciprocal(radar, chosen) else found
+    if other is not None or radar.array.is_of_one_polarization or chosen.method not in ("sbr", "hybrid", "auto"):
+        return found  # the two senses of physical optics look alike to antennas of one polarisation
+    return with_reverses(state, found, _as_traced(state, chosen))
 
 
-def _is_reciprocal(radar: RadarSpec, settings: RadarSettings) -> bool:
-    """Return whether physical optics has a part in a solve, and its two senses are to look alike."""
-    if radar.array.is_of_one_polarization:  # to which they do
-        return False
-    return settings.method == "auto" or (settings.method in ("sbr", "hybrid") and settings.sbr.reciprocal is not False)
+def _as_traced(state: WorldState, settings: RadarSettings) -> set[int]:
+    """Return the instances whose chains of bounces are to have no reverse, by the settings of who computes them."""
+    if settings.method != "hybrid" or settings.plan is None:
+        return set(state.world.instances) if settings.sbr.reciprocal is False else set()
+    left: set[int] = set()
+    for share, owned in zip(settings.plan.shares, resolve(settings.plan, state.world).owned, strict=True):
+        if share.solver == "sbr" and (share.settings or settings.sbr).reciprocal is False:
+            left.update(owned)
+    return left
 
 
 def settings_of(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:

@@ -146,8 +146,9 @@ class View:
         return self._first_tubes[key]
 
     def knobs(self, level: SbrLevel) -> SbrSettings:
-        """Return the knobs of `sbr` at a level, with the floor of the accuracy."""
-        return sbr_settings(level, self.settings.accuracy.channel_floor_db)
+        """Return the knobs of `sbr` at a level, with the floor of the accuracy, and `reciprocal` where it is set."""
+        knobs, reciprocal = sbr_settings(level, self.settings.accuracy.channel_floor_db), self.settings.sbr.reciprocal
+        return knobs if reciprocal is None else knobs.with_(reciprocal=reciprocal)
 
     def instance(self, mirror: Mirror) -> int:
         """Return the instance of a mirror."""

@@ -6,7 +6,7 @@ chain and its reverse, which is traced from other faces, have matrices that are 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -34,7 +34,7 @@ def of_both_senses(state: WorldState, both: Sequence[RadarPaths]) -> RadarPaths:
     return RadarPaths.concatenate(halves, both[0].diagnostics)
 
 
-def with_reverses(state: WorldState, paths: RadarPaths) -> RadarPaths:
+def with_reverses(state: WorldState, paths: RadarPaths, as_traced: Collection[int] = ()) -> RadarPaths:
     r"""Return the paths of a monostatic radar with the reverse of each chain of bounces, each with half of the field.
 
     Parameters
@@ -42,6 +42,8 @@ def with_reverses(state: WorldState, paths: RadarPaths) -> RadarPaths:
     state : WorldState
     paths : RadarPaths
         By physical optics, some perhaps by other solvers.
+    as_traced : collection of int
+        Instances whose chains are left as they are.
 
     Returns
     -------
@@ -63,6 +65,7 @@ def with_reverses(state: WorldState, paths: RadarPaths) -> RadarPaths:
     .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., 2012, section 7.5 (reciprocity).
     """
     alone = (paths.depth > 1) & ~paths.is_mirror_chain & ~paths.filled("random_phase")
+    alone &= ~np.isin(paths.instance, list(as_traced)).any(axis=1)
     alone[alone] = ~_has_reverse(paths.select(alone))
     if not alone.any():
         return paths
