@@ -7,7 +7,8 @@ import numpy.typing as npt
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
-from scarl_sionna.signal.antenna import field_gain
+from scarl_sionna.signal.antenna import boresights, field_gain, largest_field_gain
+from scarl_sionna.signal.noise import angle_cell_noise_power
 
 from .pair_fields import PairFields, strongest
 from .paths import RadarPaths
@@ -107,3 +108,9 @@ def received_power(paths: RadarPaths, radar: RadarSpec) -> Array:
     By definition, the square of the magnitude of :func:`path_amplitude`.
     """
     return np.asarray(np.abs(path_amplitude(paths, radar)) ** 2)
+
+
+def path_unit(radar: RadarSpec) -> float:
+    """Return the power over the noise of a cell of a path that loses nothing, at the antennas' largest gain."""
+    gain = float(largest_field_gain(radar.array, boresights(radar.array)).max())
+    return dbm_to_watt(radar.front_end.tx_power_dbm) / angle_cell_noise_power(radar) * gain**4

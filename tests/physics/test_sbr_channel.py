@@ -17,6 +17,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.channel.sbr.last_bounce import MOST_DB, further_db
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.scene.materials.fresnel import reflection
 from tests.oracles import link
@@ -237,3 +238,5 @@ def test_what_comes_after_the_last_bounce_is_told(tmp_path) -> None:
     assert three.diagnostics["last_bounce_db"][1] == pytest.approx(0.0, abs=1.0)
     assert three.diagnostics["further_db"].get(1, -60.0) < -20.0
     assert not one.diagnostics["last_bounce_db"] and not one.diagnostics["further_db"]
+    nothing = two.select(np.zeros(two.num_paths, dtype=bool))  # as where all rows are below the floor
+    assert further_db(nothing, three, RADAR, 2) == {1: MOST_DB}

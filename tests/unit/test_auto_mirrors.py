@@ -18,11 +18,12 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, plan_channel, solve_paths
-from scarl_sionna.radar.channel.compose.budget import Surface, path_unit
+from scarl_sionna.radar.channel.compose.budget import Surface
 from scarl_sionna.radar.channel.compose.expected_error import levels_db
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
 from scarl_sionna.radar.channel.compose.reflections import WHOLE_SHARE, Sight, changes, sights
+from scarl_sionna.radar.link import path_unit
 from tests.scenes import Material, Thing, ball, box, plane, write_scene
 
 RADAR = RadarSpec()

@@ -169,12 +169,6 @@ def cell_unit(radar: RadarSpec) -> float:
     return float(sent / angle_cell_noise_power(radar))
 
 
-def path_unit(radar: RadarSpec) -> float:
-    """Return the power over the noise of a cell of a path that loses nothing, at the antennas' largest gain."""
-    gain = float(largest_field_gain(radar.array, boresights(radar.array)).max())
-    return dbm_to_watt(radar.front_end.tx_power_dbm) / angle_cell_noise_power(radar) * gain**4
-
-
 def view_width(radar: RadarSpec, info: InstanceInfo) -> float:
     """Return the width that is in view of an instance, for each metre of its distance, by definition."""
     return float(2.0 * np.tan(min(np.radians(radar.azimuth_fov_deg), 2.9) / 2.0) * (info.size[2] + 1.0))

@@ -23,9 +23,9 @@ from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.settings.auto import SbrLevel
 from scarl_sionna.core.settings.plan import ChannelPlan
 from scarl_sionna.engine.paths.tracing import DIFFUSE
+from scarl_sionna.radar.link import path_unit
 from scarl_sionna.radar.paths import RadarPaths
 
-from .budget import path_unit
 from .choose import ENOUGH, Chosen, View, counts, level_of, num_tubes_of
 from .expected_error import MOST_DB, expected_errors, keeps, kept_error, levels_db, owners, reverse_doubts
 from .hybrid import solve_hybrid
@@ -382,7 +382,7 @@ class _Work:
         result = self.result
         for number in numbers:
             if weighed := self._weight(shadow := shadows.get(number, 0.0)):
-                result.doubts[number] = shadow
+                result.doubts[number] = max(result.doubts.get(number, 0.0), shadow)
                 result.errors[number] = float(np.hypot(result.errors[number], weighed))
 
 

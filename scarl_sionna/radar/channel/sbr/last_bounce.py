@@ -15,6 +15,8 @@ from scarl_sionna.core.units import power_to_db
 from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, mean_power
 from scarl_sionna.radar.paths import RadarPaths
 
+from .shadows import MOST_DB
+
 Mask = npt.NDArray[np.bool_]
 
 NOTHING_DB = -60.0
@@ -50,6 +52,8 @@ def last_bounces_db(paths: RadarPaths, radar: RadarSpec, max_depth: int) -> dict
 def further_db(found: RadarPaths, more: RadarPaths, radar: RadarSpec, max_depth: int) -> dict[int, float]:
     """Return the power of what comes after `max_depth` bounces over that of the whole echo [dB], by instance.
 
+    :data:`.MOST_DB` at most, where the whole echo is below the floor, too.
+
     Parameters
     ----------
     found : RadarPaths
@@ -64,7 +68,7 @@ def further_db(found: RadarPaths, more: RadarPaths, radar: RadarSpec, max_depth:
     if not len(numbers):
         return {}
     whole = _powers(found, radar, np.isin(found.instance[:, 0], numbers), numbers)
-    share = power_to_db(_powers(more, radar, beyond, numbers) / np.maximum(whole, 1e-300))
+    share = np.minimum(power_to_db(_powers(more, radar, beyond, numbers) / np.maximum(whole, 1e-300)), MOST_DB)
     return {int(n): round(float(one), 1) for n, one in zip(numbers, share, strict=True) if one > NOTHING_DB}
 
 

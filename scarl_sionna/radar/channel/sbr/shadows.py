@@ -11,6 +11,7 @@ from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, heard, heard_power, mean_over_band
+from scarl_sionna.radar.link import path_unit
 from scarl_sionna.radar.optics.tubes.checks import Wrong
 
 from .rows import Columns
@@ -20,7 +21,11 @@ MOST_DB = 99.0
 
 
 def shadows_db(
-    wrong: Mapping[int, Wrong], columns: Columns, radar: RadarSpec, is_monostatic: bool = True
+    wrong: Mapping[int, Wrong],
+    columns: Columns,
+    radar: RadarSpec,
+    floor_db: float | None = None,
+    is_monostatic: bool = True,
 ) -> dict[int, float]:
     r"""Return by how much the echo of instances may be off for what is not lit as their tubes are [dB].
 
@@ -31,6 +36,9 @@ def shadows_db(
     columns : dict
         Of all rows of a solve.
     radar : RadarSpec
+    floor_db : float, optional
+        Instances whose echo is below it even with that error are left out, [dB] over the noise of a cell. Of one of
+        which the tubes light nothing, what is lit is taken for a flash.
     is_monostatic : bool
         Whether the radar receives itself.
 
@@ -42,7 +50,8 @@ def shadows_db(
     .. math:: 20 \log_{10}\left(1 + q \max\left(1, \frac{\sum |a|}{\sqrt{n}\, |\sum a|}\right)\right)
     """
     found, first = {}, columns["instance"][:, 0]
-    for number, (share, points) in wrong.items():
+    least = 0.0 if floor_db is None else float(np.sqrt(10.0 ** (floor_db / 10.0) / path_unit(radar)))
+    for number, (share, points, missed) in wrong.items():
         rows = np.flatnonzero(first == number)
         a, length, place = columns["a"][rows], columns["length"][rows], np.zeros(len(rows), dtype=np.int64)
         powers = [
@@ -53,7 +62,9 @@ def shadows_db(
         alone = np.sqrt(heard_power(a[columns["depth"][rows] == 1], radar, is_monostatic))
         cancelled = float(alone.sum()) / max(echo, 1e-300) if len(rows) else 1.0
         error = 20.0 * np.log10(1.0 + share * max(1.0, cancelled / np.sqrt(points)))
-        found[number] = min(round(float(error), 2), MOST_DB)
+        most = echo * 10.0 ** (error / 20.0) if np.isfinite(share) else echo + missed / (4.0 * np.pi)
+        if most >= least:
+            found[number] = min(round(float(error), 2), MOST_DB)
     return found
 
 

@@ -388,10 +388,8 @@ class _Solve:
             "num_patches": len(columns["length"]),
         }
         if tx.window is None and rx.window is None:  # of what the radar itself sees
-            checked = Lit()
-            for one in self.tracings:
-                checked.update(one.tracer.checked)
-            diagnostics["shadows_db"] = shadows_db(checked.wrong(), columns, bodies.radar, self.has_reverse)
+            wrong = Lit.of(one.tracer.checked for one in self.tracings).wrong()
+            diagnostics["shadows_db"] = shadows_db(wrong, columns, bodies.radar, knobs.floor_db, self.has_reverse)
             warn_of_curves(bodies, columns)
             _warn_of_grazing(bodies, columns["cosine"], amplitude**2)
         columns, diagnostics["floor"] = above_floor(columns, amplitude, bodies.radar, knobs.floor_db)

@@ -6,7 +6,7 @@ points that follow nothing but the area that is seen do, whatever stands in the 
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -59,6 +59,8 @@ class Wrong(NamedTuple):
     """Of the solid angle that is lit, by the tubes or by the points, whichever is less."""
     points: int
     """That found it."""
+    missed: float = 0.0
+    """Solid angle that is lit though no tube is [sr]."""
 
 
 @dataclass(eq=False)
@@ -67,6 +69,15 @@ class Lit:
 
     tables: dict[int, Array] = field(default_factory=dict)
     """Lit by the tubes, lit though these say it is not, not lit though they say so [sr]; points that are wrong."""
+
+    @classmethod
+    def of(cls, parts: Iterable[Lit]) -> Lit:
+        """Return what several have found together."""
+        whole = cls()
+        for part in parts:
+            for number, row in part.tables.items():
+                whole.tables[number] = whole.tables.get(number, 0.0) + row
+        return whole
 
     def add(self, owner: Index, share: Array, said: Index, found: Index) -> None:
         """Add points of instances, `owner`, each for a solid angle: what its piece was said to be, and what it is."""
@@ -78,23 +89,18 @@ class Lit:
         for number, row in zip(numbers.tolist(), np.stack(columns, axis=1), strict=True):
             self.tables[number] = self.tables.get(number, 0.0) + row
 
-    def update(self, other: Lit) -> None:
-        """Add what another one found."""
-        for number, row in other.tables.items():
-            self.tables[number] = self.tables.get(number, 0.0) + row
-
     def wrong(self) -> dict[int, Wrong]:
         """Return what is wrong, of instances of which anything is."""
         found = {}
         for number, (lit, missed, shaded, points) in sorted(self.tables.items()):
             if points > 0.0:
                 least = min(lit, lit + missed - shaded)
-                found[number] = Wrong((missed + shaded) / least if least > 0.0 else np.inf, int(points))
+                found[number] = Wrong((missed + shaded) / least if least > 0.0 else np.inf, int(points), float(missed))
         return found
 
 
 def spread_points(corners: Array, source: Array, owner: Index) -> tuple[Index, Array, Array]:
-    """Return points of triangles, :data:`NUM_POINTS` a body, evenly over what could be seen of it.
+    """Return points of triangles, :data:`NUM_POINTS` a body, evenly over what could be seen of it, if anything.
 
     Parameters
     ----------
@@ -121,6 +127,8 @@ def spread_points(corners: Array, source: Array, owner: Index) -> tuple[Index, A
     last = np.flatnonzero(np.diff(owner[order], append=-1))
     ends = place[last]
     starts = np.concatenate([[0.0], ends[:-1]])
+    has_area = ends > starts
+    last, starts, ends = last[has_area], starts[has_area], ends[has_area]
     step, first, second = spread(NUM_POINTS)
     wanted = starts[:, None] + step * (ends - starts)[:, None]
     found = np.minimum(np.searchsorted(place, wanted), last[:, None])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,8 +33,10 @@ MOST_PIECES = 128
 """A long body is a chain of so many balls at most; a longer one is seen by tubes side by side."""
 LEAST_GAP = 0.1
 """Narrower gaps, as parts of the bodies beside them, are not looked for: no 10 dB of what is behind shows through."""
-NEAREST = 6
-"""Balls among which that of the next body is sought: a body's own are about twice its width apart."""
+NEAREST = 24
+"""Pieces among which that of the next body is sought: a body's own are twice its width apart, rails' are between."""
+TOUCHING = 1e-3
+"""Bodies nearer than this part of their width touch, as a paling its rail: no gap is between them anywhere."""
 MOST_BODIES = 4096
 """A mesh of more bodies, leaves for instance, counts as one."""
 
@@ -67,10 +70,10 @@ class NarrowBodies:
         label = connected_faces(corners)
         if label.max(initial=-1) >= MOST_BODIES:
             label = np.zeros_like(label)
-        body, center, radius, width = _covered(*_boxes(corners, label))
-        width = np.minimum(width, _gaps(center, width, body))
-        one = np.ones(len(radius), dtype=np.int64)
-        return _tree(cls(center, radius, width, one), one)
+        pieces = _Pieces.of_boxes(*_boxes(corners, label))
+        width = np.minimum(pieces.width, _gaps(pieces))
+        one = np.ones(len(width), dtype=np.int64)
+        return _tree(cls(pieces.middle, np.linalg.norm(pieces.size, axis=1) / 2.0, width, one), one)
 
     @classmethod
     def of_parts(cls, parts: Sequence[tuple[NarrowBodies, Pose]]) -> NarrowBodies:
@@ -192,7 +195,8 @@ def _tree(leaves: NarrowBodies, sizes: Index) -> NarrowBodies:
 def _boxes(corners: Array, label: Index) -> tuple[Array, Array, Array]:
     """Return boxes of bodies: middle (n, 3), sides (n, 3) and their directions (n, 3, 3), as rows.
 
-    Of the box along the frame and that along the principal axes of the corners, the one that is less wide.
+    Of the boxes along the frame, along the principal axes of the corners and along the body's largest triangle, as the
+    sides of a square post are, the one whose sides are least in sum.
     """
     points, owner = corners.reshape(-1, 3), np.repeat(label, 3)
     order = np.argsort(owner, kind="stable")
@@ -202,46 +206,87 @@ def _boxes(corners: Array, label: Index) -> tuple[Array, Array, Array]:
     mean = np.add.reduceat(points, first) / number
     away = points - mean[owner]
     spread = np.add.reduceat(away[:, :, None] * away[:, None, :], first)
-    frames = np.broadcast_to(np.eye(3), spread.shape), np.swapaxes(np.linalg.eigh(spread)[1], 1, 2)
+    frames = [np.broadcast_to(np.eye(3), spread.shape), np.swapaxes(np.linalg.eigh(spread)[1], 1, 2)]
+    frames.append(_along_faces(corners, label))
     found = []
     for axes in frames:
         local = np.einsum("nij,nj->ni", axes[owner], away)
         low, high = np.minimum.reduceat(local, first), np.maximum.reduceat(local, first)
         middle = mean + np.einsum("ni,nij->nj", 0.5 * (low + high), axes)
         found.append((middle, high - low, axes))
-    width = [np.sort(size, axis=1)[:, 1] for _, size, _ in found]
-    turned = width[1] < 0.999 * width[0]
-    along, across = found
-    return tuple(np.where(turned[(...,) + (None,) * (a.ndim - 1)], b, a) for a, b in zip(along, across, strict=True))
+    total = np.stack([size.sum(axis=1) for _, size, _ in found])
+    total[0] *= 0.999
+    best, row = total.argmin(axis=0), np.arange(len(mean))
+    middle, size, axes = (np.stack(some)[best, row] for some in zip(*found, strict=True))
+    return middle, size, axes
 
 
-def _covered(middle: Array, size: Array, axes: Array) -> tuple[Index, Array, Array, Array]:
-    """Return the balls of boxes: number of the box, centres, radii, and widths of their boxes [m]."""
-    extents = np.sort(size, axis=1)
-    count = np.ceil(extents[:, 2] / np.maximum(2.0 * extents[:, 1], 1e-9)).astype(np.int64)
-    kept = np.flatnonzero((count <= MOST_PIECES) & (extents[:, 1] > 0.0))
-    of_piece = np.repeat(kept, count[kept])
-    number = np.arange(len(of_piece)) - np.searchsorted(of_piece, of_piece)
-    along, row = size[of_piece].argmax(axis=1), np.arange(len(of_piece))
-    share = (number + 0.5) / count[of_piece] - 0.5
-    piece = size[of_piece]
-    center = middle[of_piece] + (share * piece[row, along])[:, None] * axes[of_piece, along]
-    piece[row, along] /= count[of_piece]
-    return of_piece, center, np.linalg.norm(piece, axis=1) / 2.0, extents[of_piece, 1]
+def _along_faces(corners: Array, label: Index) -> Array:
+    """Return axes of bodies along the shortest side and the normal of their largest triangle, as rows (n, 3, 3)."""
+    side = np.roll(corners, -1, axis=1) - corners
+    normal = np.cross(side[:, 0], side[:, 1])
+    area = np.linalg.norm(normal, axis=1)
+    order = np.lexsort((area, label))
+    face = order[np.flatnonzero(np.diff(label[order], append=-1))]
+    least = side[face, np.linalg.norm(side[face], axis=2).argmin(axis=1)]
+    size = np.linalg.norm(least, axis=1)
+    flat = (area[face] > 0.0) & (size > 0.0)
+    first, second = least[flat] / size[flat, None], normal[face[flat]] / area[face[flat], None]
+    axes = np.broadcast_to(np.eye(3), (len(face), 3, 3)).copy()
+    axes[flat] = np.stack([first, second, np.cross(first, second)], axis=1)
+    return axes
 
 
-def _gaps(center: Array, width: Array, body: Index) -> Array:
-    """Return the gap between each ball of a body and the nearest of another one, shape (num_balls,) [m].
+class _Pieces(NamedTuple):
+    """Boxes of bodies cut across, so that each piece fits a ball: numbers of the boxes, middles, sides, directions."""
 
-    Infinite where there is none, or less than `LEAST_GAP` of the body's width, through which hardly anything is seen.
+    body: Index
+    middle: Array
+    size: Array
+    axes: Array
+    width: Array
+    """Of the whole box [m]."""
+
+    @classmethod
+    def of_boxes(cls, middle: Array, size: Array, axes: Array) -> _Pieces:
+        """Return the pieces of boxes."""
+        extents = np.sort(size, axis=1)
+        count = np.ceil(extents[:, 2] / np.maximum(2.0 * extents[:, 1], 1e-9)).astype(np.int64)
+        kept = np.flatnonzero((count <= MOST_PIECES) & (extents[:, 1] > 0.0))
+        body = np.repeat(kept, count[kept])
+        number = np.arange(len(body)) - np.searchsorted(body, body)
+        along, row = size[body].argmax(axis=1), np.arange(len(body))
+        share = (number + 0.5) / count[body] - 0.5
+        piece = size[body]
+        center = middle[body] + (share * piece[row, along])[:, None] * axes[body, along]
+        piece[row, along] /= count[body]
+        return cls(body, center, piece, axes[body], extents[body, 1])
+
+    def apart(self, one: Index, other: Index) -> Array:
+        """Return how far pieces are from boxes, along their own axes, around other pieces [m]."""
+        axes = self.axes[one]
+        away = np.abs(np.einsum("nij,nj->ni", axes, self.middle[other] - self.middle[one]))
+        around = np.einsum("nij,nj->ni", np.abs(axes @ np.swapaxes(self.axes[other], 1, 2)), self.size[other])
+        return np.asarray(np.linalg.norm(np.maximum(away - (self.size[one] + around) / 2.0, 0.0), axis=1))
+
+
+def _gaps(pieces: _Pieces) -> Array:
+    """Return the gap between each piece and the nearest of another body, shape (num_pieces,) [m].
+
+    Infinite where there is none. Bodies that touch have none between them, and less than `LEAST_GAP` of the body's
+    width, through which hardly anything is seen, is none.
     """
-    found = np.full(len(center), np.inf)
+    body, width = pieces.body, pieces.width
     if not len(body) or body[0] == body[-1]:
-        return found
-    number = min(NEAREST, len(center))
-    away, other = cKDTree(center).query(center, number)
-    away = np.where(body[other] == body[:, None], np.inf, away - (width[other] + width[:, None]) / 2.0)
-    gap = away.min(axis=1)
-    shown = gap >= LEAST_GAP * width
-    found[shown] = gap[shown]
-    return found
+        return np.full(len(body), np.inf)
+    _, other = cKDTree(pieces.middle).query(pieces.middle, min(NEAREST, len(body)))
+    gap, pair = np.full(other.shape, np.inf), np.full(other.shape, -1)
+    for number, near in enumerate(other.T):
+        one = np.flatnonzero(body[near] != body)
+        near = near[one]
+        gap[one, number] = np.maximum(pieces.apart(one, near), pieces.apart(near, one))
+        low, high = np.minimum(body[one], body[near]), np.maximum(body[one], body[near])
+        pair[one, number] = low * (body[-1] + 1) + high
+    touching = np.unique(pair[gap < TOUCHING * width[:, None]])
+    gap[np.isin(pair, touching) | (gap < LEAST_GAP * width[:, None])] = np.inf
+    return np.asarray(gap.min(axis=1))

@@ -13,13 +13,14 @@ from scarl_sionna.core.settings.auto import SbrLevel
 from scarl_sionna.core.settings.plan import COHERENT
 from scarl_sionna.core.units import power_to_db
 from scarl_sionna.radar.channel.band_mean import NUM_FREQUENCIES, mean_power
-from scarl_sionna.radar.channel.compose.budget import Estimate, cell_unit, path_unit, smooth_share
+from scarl_sionna.radar.channel.compose.budget import Estimate, cell_unit, smooth_share
 from scarl_sionna.radar.channel.compose.choose import AT_RADAR, Chosen, View
 from scarl_sionna.radar.channel.compose.expected_error import owners
 from scarl_sionna.radar.channel.compose.mirror_chains import possible_chains
 from scarl_sionna.radar.channel.compose.mirrors import Mirror, mirrored
 from scarl_sionna.radar.channel.compose.spend import Choice
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
+from scarl_sionna.radar.link import path_unit
 from scarl_sionna.radar.optics.viewpoint import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.antenna import largest_field_gain
