@@ -273,20 +273,22 @@ class _Pieces(NamedTuple):
 def _gaps(pieces: _Pieces) -> Array:
     """Return the gap between each piece and the nearest of another body, shape (num_pieces,) [m].
 
-    Infinite where there is none. Bodies that touch have none between them, and less than `LEAST_GAP` of the body's
-    width, through which hardly anything is seen, is none.
+    Infinite where there is none. Bodies that touch have none between them, and a body has none to one that comes nearer
+    to it than `LEAST_GAP` of its width, through which hardly anything is seen.
     """
     body, width = pieces.body, pieces.width
     if not len(body) or body[0] == body[-1]:
         return np.full(len(body), np.inf)
     _, other = cKDTree(pieces.middle).query(pieces.middle, min(NEAREST, len(body)))
-    gap, pair = np.full(other.shape, np.inf), np.full(other.shape, -1)
+    gap, pair, back = np.full(other.shape, np.inf), np.full(other.shape, -1), np.full(other.shape, -1)
     for number, near in enumerate(other.T):
         one = np.flatnonzero(body[near] != body)
         near = near[one]
         gap[one, number] = np.maximum(pieces.apart(one, near), pieces.apart(near, one))
-        low, high = np.minimum(body[one], body[near]), np.maximum(body[one], body[near])
-        pair[one, number] = low * (body[-1] + 1) + high
-    touching = np.unique(pair[gap < TOUCHING * width[:, None]])
-    gap[np.isin(pair, touching) | (gap < LEAST_GAP * width[:, None])] = np.inf
+        pair[one, number], back[one, number] = (
+            first * (body[-1] + 1) + second for first, second in ((body[one], body[near]), (body[near], body[one]))
+        )
+    touches = gap < TOUCHING * width[:, None]
+    close = np.concatenate([pair[gap < LEAST_GAP * width[:, None]], back[touches]])
+    gap[np.isin(pair, np.unique(close))] = np.inf
     return np.asarray(gap.min(axis=1))
