@@ -383,18 +383,13 @@ class MirrorEnds:
         """Return the outline of a mirror, and the free edges of those in its plane."""
         if number not in self._known:
             group = np.flatnonzero(self._groups == self._groups[number]).tolist()
-            pieces = self._outlines(group)
+            pieces = Outline.joined([self._own_outline(one) for one in group])
             for one in group:
                 self._known[one] = pieces.take((pieces.owner == one) | pieces.free)
         return self._known[number]
 
-    def _outlines(self, numbers: Sequence[int]) -> Outline:
-        """Return the outlines of some mirrors; those of what stands still are found once for a world."""
-        found = [replace(one, owner=np.full(len(one.owner), k)) for k in numbers for one in [self._own_outline(k)]]
-        return Outline.joined(found)
-
     def _own_outline(self, number: int) -> Outline:
-        """Return the outline of a mirror, without what others have in its plane."""
+        """Return the outline of a mirror alone; that of what stands still is found once for a world."""
         mirror, world, thickness = self.mirrors[number], self.state.world, self.knobs.thickness
         stands = world.parts.actor[mirror.part] < 0
         known = _standing.setdefault(world, {}) if stands else _moving.setdefault(self.state, {})
@@ -403,7 +398,7 @@ class MirrorEnds:
         if key not in known:
             pieces = in_pieces(outline_of(mirror.corners.reshape(-1, 3, 3), normal[0], 0))
             known[key] = merged(with_free_edges(self.state, pieces, normal, offset, self.position, thickness))
-        return known[key]
+        return replace(known[key], owner=np.full(len(known[key].owner), number))
 
     def _metres(self, number: int, at: Reflections, axis: Array) -> Array:
         """Return how far the reach is across straight edges, for each of n points, (n, m) [m].
