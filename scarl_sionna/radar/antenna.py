@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.blocks import in_blocks
 from scarl_sionna.core.arrays.rows import row_norm
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -16,6 +17,9 @@ from .pair_fields import PairFields
 from .paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
+
+POINTS_AT_ONCE = 1 << 13
+"""Points whose distances are worked out together, so that they stay in the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +133,16 @@ class PathGeometry:
 def _distances(points: Array, antennas: Array) -> Array:
     """Return the distances between antennas (A, 3) and points (P, 3), shape (A, P)."""
     out = np.empty((len(antennas), len(points)))
-    for row, antenna in zip(out, antennas, strict=True):
-        difference = points - antenna
-        np.sqrt(np.einsum("ij,ij->i", difference, difference), out=row)
+    for block in in_blocks(len(points), POINTS_AT_ONCE):
+        axes = points[block].T.copy()
+        apart = np.empty(axes.shape[1])
+        for row, antenna in zip(out[:, block], antennas, strict=True):
+            row[:] = 0.0
+            for axis, place in zip(axes, antenna, strict=True):
+                np.subtract(axis, place, out=apart)
+                apart *= apart
+                row += apart
+            np.sqrt(row, out=row)
     return out
 
 

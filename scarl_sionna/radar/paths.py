@@ -150,7 +150,7 @@ class RadarPaths(
         """Whether one radar sends and receives: both radar frames are one."""
         return _same(self.world_from_tx, self.world_from_rx)
 
-    @property
+    @cached_property
     def is_one_end(self) -> bool:
         """Whether every path comes back from the point that it goes to, to the place that it came from."""
         if self.rx_image is not None or not np.array_equal(self.world_from_tx.position, self.world_from_rx.position):

@@ -12,7 +12,8 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.labels.labels import _distinct
-from scarl_sionna.radar.labels.spread import PathCells, _Lobe, _without_main, main_lobe, sides_of
+from scarl_sionna.radar.labels.lobes import Lobe, main_lobe, sides_of, without_main
+from scarl_sionna.radar.labels.spread import PathCells
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis.expansion import polynomials
 from scarl_sionna.radar.synthesis.motion import Arms, PairTerms
@@ -61,8 +62,9 @@ def test_arms_turn_as_rotations_do(spin: tuple[float, float, float]) -> None:
 def test_a_lobe_on_bins_is_its_table_at_their_distances(window: str, num_bins: int) -> None:
     count, lobe = 64, main_lobe(window, 64)
     place = np.concatenate([np.random.default_rng(2).uniform(0.0, count, 200), [0.0, 5.0, 63.5, 10.0 / 256.0]])
-    bins, value = _Lobe(lobe).bins(place.reshape(2, -1), count, num_bins)
-    assert _Lobe(lobe).num_columns(count, num_bins) == bins.shape[-1]
+    first, value = Lobe(lobe).at(place.reshape(2, -1), count, num_bins)
+    bins = Lobe(lobe).around(count, num_bins)[first]
+    assert Lobe(lobe).num_columns(count, num_bins) == bins.shape[-1]
     assert bins.min() >= 0
     assert bins.max() < num_bins
     apart = bins.reshape(len(place), -1) * (count / num_bins) - place[:, None]
@@ -81,12 +83,13 @@ def test_a_lobe_on_bins_is_its_table_at_their_distances(window: str, num_bins: i
 @pytest.mark.parametrize("num_bins", [64, 128, 100])
 def test_sidelobes_beside_a_main_lobe_leave_out_zeros_only(num_bins: int) -> None:
     count, main = 64, len(main_lobe("hann", 64))
-    beside = _without_main(sides_of(window_values("hann", count), 6), main)
+    beside = without_main(sides_of(window_values("hann", count), 6), main)
     place = np.concatenate([np.random.default_rng(5).uniform(0.0, count, 200), [0.0, 5.0, 63.5, 10.0 / 256.0]])
     found = []
     for hole in (0, main):
-        bins, value = _Lobe(beside, hole).bins(place, count, num_bins)
-        assert _Lobe(beside, hole).num_columns(count, num_bins) == bins.shape[-1]
+        first, value = Lobe(beside, hole).at(place, count, num_bins)
+        bins = Lobe(beside, hole).around(count, num_bins)[first]
+        assert Lobe(beside, hole).num_columns(count, num_bins) == bins.shape[-1]
         assert bins.shape[1] <= 13 * num_bins // count + 1 - (3 * num_bins // count if hole else 0)
         found.append(np.zeros((len(place), num_bins)))
         np.put_along_axis(found[-1], bins.astype(np.int64), value, axis=1)
@@ -97,7 +100,7 @@ def test_sidelobes_beside_a_main_lobe_leave_out_zeros_only(num_bins: int) -> Non
 def test_fields_of_linear_paths_are_those_of_any_path(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(6)
     radar = RadarSpec().with_(multiplexing="tdm")
-    mount = Mount(Pose([1.0, 2.0, 0.5]), Twist([20.0, 1.0, 0.0]))
+    mount = Mount(Pose([1.0, 2.0, 0.5]), Twist([20.0, 1.0, 0.0], [0.0, 0.1, 0.7]))
     positions = mount.pose.position + rng.uniform((5.0, -40.0, -2.0), (150.0, 40.0, 2.0), (50, 3))
     paths = point_targets(positions, rng.uniform(-30.0, 30.0, (50, 3)), 1.0, radar, mount)
     paths = dataclasses.replace(paths, linear_motion=np.ones(50, dtype=np.bool_))

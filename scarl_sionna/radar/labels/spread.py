@@ -6,14 +6,15 @@ The transform, local to the main lobe.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csc_array
 
+from scarl_sionna.core.arrays.blocks import in_blocks
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
@@ -22,63 +23,35 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.motion import PairTerms
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
-from scarl_sionna.radar.synthesis.spreading import in_blocks
 from scarl_sionna.signal.front_end.echoes import beat_frequency, echo_transfer, filter_delay, through_channels
 from scarl_sionna.signal.processing import RangeDoppler, coupling
 from scarl_sionna.signal.receivers import response_weights
 from scarl_sionna.signal.uneven import middle_time
 from scarl_sionna.signal.windows import window_values
 
+from .lobes import (
+    STEPS_PER_BIN,
+    Cells,
+    Lobe,
+    above,
+    lobe_at,
+    lobe_of,
+    main_lobe,
+    sides_of,
+    turned,
+    without_main,
+    wrapped,
+)
+
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 _FieldsT = TypeVar("_FieldsT", bound="npt.NDArray[np.complexfloating]")
 Index = npt.NDArray[np.int64]
-Cells = npt.NDArray[np.int32]
 
-_STEPS_PER_BIN = 256
-_CELLS_PER_BLOCK, _PATHS_PER_BLOCK, _PATHS_AT_ONCE = 1_000_000, 1 << 16, 1 << 13
+_CELLS_PER_BLOCK, _PATHS_PER_BLOCK, _PATHS_AT_ONCE = 1_000_000, 1 << 14, 1 << 13
 MAX_REACH = 32
 """Bins to which a window's sidelobes are followed: Hann's are 95 dB down there, those without a window 40 dB. Those of
 a code do not fall: they are followed all the way."""
-
-
-@lru_cache(maxsize=32)
-def main_lobe(window: str, count: int) -> Array:
-    """Return a window's transform from 0 to its first minimum, `_STEPS_PER_BIN` values a bin; 1 at 0, real."""
-    return lobe_of(window_values(window, count))
-
-
-def sides_of(values: Array, reach: int | None = None) -> Array:
-    """Return the transform of weights from 0 to `reach` bins, or half of all, real, as :func:`main_lobe` does."""
-    count = len(values)
-    length = (count // 2 if reach is None else min(reach, count // 2)) * _STEPS_PER_BIN
-    spectrum = np.asarray(np.fft.fft(values, count * _STEPS_PER_BIN)[:length], dtype=np.complex128)
-    turns = np.arange(length, dtype=np.float64) * ((count - 1) / 2.0 / (count * _STEPS_PER_BIN))
-    return np.asarray((spectrum * phasor(turns)).real)
-
-
-def lobe_of(values: Array) -> Array:
-    """Return the transform of weights, the real part about their middle, as :func:`main_lobe` does."""
-    count = len(values)
-    position = np.arange(count) - (count - 1) / 2.0
-    for reach in range(1, count + 2):
-        offset = np.arange(reach * _STEPS_PER_BIN + 2) / _STEPS_PER_BIN
-        response = np.cos(2.0 * np.pi * np.outer(offset, position) / count) @ values
-        rising = np.flatnonzero(np.diff(np.abs(response)) > 0.0)
-        if len(rising):
-            return np.asarray(response[: rising[0] + 1])
-    return np.asarray(response)  # one value only: the response is flat
-
-
-def _lobe_at(lobe: Array, offset: Array) -> Array:
-    """Return the transform at offsets [bins], 0 beyond the main lobe; linear between the values of the table."""
-    last = len(lobe) - 1
-    place = np.abs(offset) * _STEPS_PER_BIN
-    step = np.minimum(place, last + 1.0).astype(np.int64)
-    slope = np.append(np.diff(lobe), (0.0, 0.0))
-    value = np.append(lobe, 0.0)[step] + slope[step] * (place - step)
-    value[place > last] = 0.0
-    return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +98,7 @@ class PathCells:
         grid = FrameGrid(radar)
         _, over_x, over_y, _ = grid.expand(*delay_terms(length, paths.length_rate, paths.length_acceleration), 0)
         beat = over_x if radar is sampled else beat_frequency(sampled, 0.5 * length, 0.5 * paths.length_rate)
-        doppler_bin = np.mod(over_y * radar.doppler_interval * radar.num_chirps, radar.num_chirps)
+        doppler_bin = turned(over_y * radar.doppler_interval * radar.num_chirps, radar.num_chirps)
         return cls(
             radar=radar,
             beat_bin=over_x * radar.num_samples / radar.sample_rate
@@ -142,11 +115,16 @@ class PathCells:
         )
 
     def range_bin(self, index: Index, doppler: float | Array) -> Array:
-        """Return the places over range in the row of a Doppler frequency [Hz], not padded, modulo num_samples."""
+        """Return the places over range in the row of a Doppler frequency [Hz], not padded, modulo num_samples.
+
+        Of each path's own rows, if `doppler` has the shape (len(index), num_rows).
+        """
         radar = self.radar
         removed = np.asarray(doppler) * coupling(radar) * radar.num_samples / radar.sample_rate
-        beat = self.beat_bin[index].reshape((-1,) + (1,) * (removed.ndim - 1))
-        return np.mod(np.copysign(1.0, radar.waveform.sweep.slope) * (beat - removed), radar.num_samples)
+        beat = np.take(self.beat_bin, index)
+        if removed.ndim > 1:
+            beat = np.repeat(beat, removed.shape[1]).reshape(removed.shape)
+        return turned(np.copysign(1.0, radar.waveform.sweep.slope) * (beat - removed), radar.num_samples)
 
     def fields(self, index: Index, distance: float, doppler: float) -> npt.NDArray[np.complex128]:
         """Return beat amplitudes with their phases at mid-frame [sqrt(W)], shape (len(index), num_virtual).
@@ -207,15 +185,14 @@ class PathCells:
     def _put_linear(self, pairs: PairTerms, loss: Complex, out: npt.NDArray[np.complexfloating]) -> None:
         """Fill the fields of paths whose every pair has a rate and nothing else: the same, in a third of the time."""
         grid, radar, sweep = FrameGrid(self.radar), self.radar, self.radar.waveform.sweep
-        sent, heard = pairs.shares()
         for block in in_blocks(len(loss), _PATHS_AT_ONCE):
-            received = [[column[block] for column in one] for one in heard]
+            sent, heard = pairs.shares(block)
             for tx, (length, rate, strength) in enumerate(sent):
-                start, speed, time = length[block], rate[block], grid.center_time(tx)
-                amplitude = pairs.geometry.amplitude[block] * (strength[block] * loss[block])
-                for rx, (more, faster, stronger) in enumerate(received):
-                    whole = speed + faster
-                    delay = start + more + time * whole
+                time = grid.center_time(tx)
+                amplitude = pairs.geometry.amplitude[block] * (strength * loss[block])
+                for rx, (more, faster, stronger) in enumerate(heard):
+                    whole = rate + faster
+                    delay = length + more + time * whole
                     delay /= SPEED_OF_LIGHT + 0.5 * whole
                     tone = grid.center_frequency + radar.tx_frequency(tx) - (0.5 * sweep.video * sweep.slope) * delay
                     turned = phasor(tone * delay + self._removed(delay))
@@ -233,23 +210,18 @@ class PathCells:
         """Return the paths whose main lobe covers a range [m] and a velocity [m/s], and the lobe's value there."""
         radar = self.radar
         doppler = 2.0 * radial_velocity * radar.center_frequency / SPEED_OF_LIGHT
-        y = _wrapped(doppler * radar.doppler_interval * radar.num_chirps - self.doppler_bin, radar.num_chirps)
+        y = wrapped(doppler * radar.doppler_interval * radar.num_chirps - self.doppler_bin, radar.num_chirps)
         steps = radar.waveform.chirp_frequencies
         wide = np.inf if steps is not None else len(self.doppler_lobe)
-        index = np.flatnonzero((np.abs(y) * _STEPS_PER_BIN < wide) & self.kept)
-        x = _wrapped(distance / radar.range_resolution - self.range_bin(index, doppler), radar.num_samples)
-        weight = _lobe_at(self.range_lobe, x)
+        index = np.flatnonzero((np.abs(y) * STEPS_PER_BIN < wide) & self.kept)
+        x = wrapped(distance / radar.range_resolution - self.range_bin(index, doppler), radar.num_samples)
+        weight = lobe_at(self.range_lobe, x)
         if steps is None:
-            weight *= _lobe_at(self.doppler_lobe, y[index])
+            weight *= lobe_at(self.doppler_lobe, y[index])
         else:
             index, x, weight = index[weight != 0.0], x[weight != 0.0], weight[weight != 0.0]
             weight *= self._stepped_lobe(x, y[index])
         return index[weight != 0.0], weight[weight != 0.0]
-
-
-def _wrapped(offset: Array, period: int) -> Array:
-    """Return offsets modulo a period, within half of it."""
-    return np.asarray(np.mod(offset + period / 2.0, period) - period / 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,27 +274,36 @@ class CellSpread:
 
     def _arms(self, level: float) -> _Arms | None:
         """Return the sidelobes above a level of the amplitude; None if there are none."""
-        wide = [_above(side, level) for side in (self.cells.doppler_sides, self.cells.range_sides)]
+        wide = [above(side, level) for side in (self.cells.doppler_sides, self.cells.range_sides)]
         main = len(self.cells.doppler_lobe), len(self.cells.range_lobe)
         if all(len(lobe) <= count for lobe, count in zip(wide, main, strict=True)):
             return None
         highest = max(float(np.abs(lobe[count:]).max(initial=0.0)) for lobe, count in zip(wide, main, strict=True))
-        beside = [_Lobe(_without_main(lobe, count), count) for lobe, count in zip(wide, main, strict=True)]
+        beside = [Lobe(without_main(lobe, count), count) for lobe, count in zip(wide, main, strict=True)]
         return _Arms(self, beside[0], beside[1], highest)
 
     def _put(self, index: Index, footprint: _Footprint, num_cells: int, filled: npt.NDArray[np.bool_]) -> None:
         """Add the fields of paths to those in the `num_cells` cells of their footprints, and mark these as filled."""
         total, place = self._total, self._place
         for block in _blocks(index, num_cells):
-            cell, weight = footprint(block)
+            arms = footprint(block)
             touched = np.zeros(len(total), dtype=np.bool_)
-            touched[cell] = True
+            reached = [arm.reached(len(total)) for arm in arms]
+            for _, cells in reached:
+                touched[cells] = True
             filled |= touched
             used = np.flatnonzero(touched)
             place[used] = np.arange(len(used), dtype=np.int32)
-            starts = np.arange(len(block) + 1, dtype=np.int32) * np.int32(cell.shape[1])
-            spread = csc_array((weight.ravel(), place[cell.ravel()], starts), shape=(len(used), len(block)))
-            total[used] += spread @ self.field[block].astype(np.complex128).view(np.float64)
+            rows = [
+                np.take(place[cells], number[arm.first], axis=0).reshape(len(block), -1)
+                for arm, (number, cells) in zip(arms, reached, strict=True)
+            ]
+            weights = [arm.weight.reshape(len(block), -1) for arm in arms]
+            row, weight = (parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) for parts in (rows, weights))
+            starts = np.arange(len(block) + 1, dtype=np.int32) * np.int32(row.shape[1])
+            spread = csc_array((weight.ravel(), row.ravel(), starts), shape=(len(used), len(block)))
+            field = np.take(self.field, block, axis=0).astype(np.complex128)
+            total[used] += spread @ field.view(np.float64)
 
     def _found(self, filled: npt.NDArray[np.bool_]) -> tuple[Index, Array]:
         """Return the cells that were filled, and the power of what was put onto them."""
@@ -341,31 +322,30 @@ class CellSpread:
         return np.zeros((self.shape[0] * self.shape[1], 2 * self.field.shape[1]))
 
     def _footprint(
-        self, index: Index, doppler_lobe: _Lobe | None = None, range_lobe: _Lobe | None = None
-    ) -> tuple[Cells, Array]:
-        """Return the flat cells of each path's lobe and the lobe's value there, shapes (len(index), num_cells)."""
+        self, index: Index, doppler_lobe: Lobe | None = None, range_lobe: Lobe | None = None
+    ) -> list[_Footing]:
+        """Return where each path's lobe is and its value there."""
         radar = self.cells.radar
         num_doppler, num_range = self.shape
         over_doppler, over_range = doppler_lobe or self._main[0], range_lobe or self._main[1]
-        rows, by_row = over_doppler.bins(self.cells.doppler_bin[index], radar.num_chirps, num_doppler)
-        rows = (rows + num_doppler // 2) % num_doppler
+        row, by_row = over_doppler.at(self.cells.doppler_bin[index], radar.num_chirps, num_doppler)
+        rows = (over_doppler.around(radar.num_chirps, num_doppler) + num_doppler // 2) % num_doppler
         doppler = (rows - num_doppler // 2) / (num_doppler * radar.doppler_interval)
-        place = self.cells.range_bin(index, doppler)
-        columns, weight = over_range.bins(place, radar.num_samples, num_range)
-        columns += rows[:, :, None] * np.int32(num_range)
-        weight *= by_row[:, :, None]
-        return columns.reshape(len(index), -1), weight.reshape(len(index), -1)
+        place = self.cells.range_bin(index, np.take(doppler, row, axis=0))
+        first, weight = over_range.at(place, radar.num_samples, num_range, by_row)
+        first += np.take(rows.astype(np.int64) * num_range, row, axis=0)
+        return [_Footing(first, over_range.around(radar.num_samples, num_range), weight)]
 
-    def _num_cells(self, doppler_lobe: _Lobe, range_lobe: _Lobe) -> int:
+    def _num_cells(self, doppler_lobe: Lobe, range_lobe: Lobe) -> int:
         """Return how many cells a path's footprint has."""
         radar, (num_doppler, num_range) = self.cells.radar, self.shape
         rows = doppler_lobe.num_columns(radar.num_chirps, num_doppler)
         return rows * range_lobe.num_columns(radar.num_samples, num_range)
 
     @cached_property
-    def _main(self) -> tuple[_Lobe, _Lobe]:
+    def _main(self) -> tuple[Lobe, Lobe]:
         """Main lobes over Doppler and over range."""
-        return _Lobe(self.cells.doppler_lobe), _Lobe(self.cells.range_lobe)
+        return Lobe(self.cells.doppler_lobe), Lobe(self.cells.range_lobe)
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,8 +353,8 @@ class _Arms:
     """Sidelobes of paths along both axes, through their main lobes; `highest` is the highest sidelobe."""
 
     spread: CellSpread
-    beside_doppler: _Lobe
-    beside_range: _Lobe
+    beside_doppler: Lobe
+    beside_range: Lobe
     highest: float
 
     @property
@@ -383,109 +363,47 @@ class _Arms:
         spread, (doppler_lobe, range_lobe) = self.spread, self.spread._main
         return spread._num_cells(doppler_lobe, self.beside_range) + spread._num_cells(self.beside_doppler, range_lobe)
 
-    def footprint(self, index: Index) -> tuple[Cells, Array]:
-        """Return the flat cells of each path's sidelobes and their values there."""
+    def footprint(self, index: Index) -> list[_Footing]:
+        """Return where each path's sidelobes are and their values there."""
         along = self.spread._footprint(index, None, self.beside_range)
-        across = self.spread._footprint(index, self.beside_doppler, None)
-        return np.concatenate([along[0], across[0]], axis=1), np.concatenate([along[1], across[1]], axis=1)
+        return along + self.spread._footprint(index, self.beside_doppler, None)
 
 
-_Footprint = Callable[[Index], tuple[Cells, Array]]
+@dataclass(frozen=True, eq=False)
+class _Footing:
+    """Cells of lobes over range, in some rows of each of some paths.
+
+    Attributes
+    ----------
+    first : ndarray of int64, shape (num_paths, num_rows)
+        Flat cell at which each lobe starts.
+    around : ndarray of int32, shape (num_range_bins, num_columns)
+        Bins of a lobe, by that at which it starts.
+    weight : ndarray of float64, shape (num_paths, num_rows, num_columns)
+    """
+
+    first: Index
+    around: Cells
+    weight: Array
+
+    def reached(self, num_cells: int) -> tuple[Cells, Cells]:
+        """Return the number of each flat cell among those at which lobes start, and all cells of the lobes there.
+
+        Shapes (num_cells,), of other cells anything, and (num_starts, num_columns). Many paths share few cells.
+        """
+        used = np.zeros(num_cells, dtype=np.bool_)
+        used[self.first.ravel()] = True
+        starts = np.flatnonzero(used).astype(np.int32)
+        number = np.empty(num_cells, dtype=np.int32)
+        number[starts] = np.arange(len(starts), dtype=np.int32)
+        column = starts % np.int32(len(self.around))
+        return number, self.around[column] + (starts - column)[:, None]
+
+
+_Footprint = Callable[[Index], list[_Footing]]
 
 
 def _blocks(index: Index, num_cells: int) -> list[Index]:
     """Return paths with so many cells each in blocks of a bounded number of cells."""
     width = max(1, _CELLS_PER_BLOCK // max(1, num_cells))
     return [index[start : start + width] for start in range(0, len(index), width)]
-
-
-def _above(lobe: Array, level: float) -> Array:
-    """Return a response up to where it stays below a level."""
-    above = np.flatnonzero(np.abs(lobe) > level)
-    return lobe[: above[-1] + 2] if len(above) else lobe[:1]
-
-
-def _without_main(lobe: Array, count: int) -> Array:
-    """Return a response with its main lobe, the first `count` values, set to 0."""
-    out = lobe.copy()
-    out[:count] = 0.0
-    return out
-
-
-@dataclass(frozen=True, eq=False)
-class _Lobe:
-    """A response from 0 on, symmetric, `_STEPS_PER_BIN` values a bin, and where it is on the bins of an axis."""
-
-    values: Array
-    hole: int = 0
-    """Values from 0 on that are 0."""
-    known: dict[tuple[int, bytes], tuple[Array, Array, Array]] = field(default_factory=dict)
-
-    def bins(self, place: Array, count: int, num_bins: int) -> tuple[Cells, Array]:
-        """Return the bins within the response about places on an axis [bins of `count`] and its value there.
-
-        Each bin once, of `num_bins` that are as wide as the axis together: shapes (..., number of bins).
-        """
-        scale = num_bins / count
-        first = np.ceil(place * scale - len(self.values) / _STEPS_PER_BIN * scale)
-        step = (first / scale - place) * _STEPS_PER_BIN
-        around, column = self._columns(count, num_bins)
-        bins: Cells = np.mod(first.astype(np.int32), np.int32(num_bins))[..., None] + column.astype(np.int32)
-        over = bins[..., -1] >= num_bins if len(column) else np.zeros(bins.shape[:-1], dtype=np.bool_)
-        bins[over] -= np.int32(num_bins) * (bins[over] >= num_bins)
-        apart = _STEPS_PER_BIN * count / num_bins
-        if around or apart != int(apart):
-            offset = (step[..., None] + column * apart) / _STEPS_PER_BIN
-            return bins, _lobe_at(self.values, _wrapped(offset, count))
-        whole = np.maximum(np.floor(step), -len(self.values))  # rounding may lead below the table
-        row = whole.astype(np.int64) + len(self.values)
-        return bins, self._between(row, step - whole, int(apart), column)
-
-    def num_columns(self, count: int, num_bins: int) -> int:
-        """Return the number of bins of each place; parameters as of :meth:`bins`."""
-        return len(self._columns(count, num_bins)[1])
-
-    def _columns(self, count: int, num_bins: int) -> tuple[bool, Index]:
-        """Return whether the response goes around the axis, and which of the bins within it are not in the hole.
-
-        The first is at most a bin within its reach, wherever it is.
-        """
-        scale = num_bins / count
-        reach = len(self.values) / _STEPS_PER_BIN * scale
-        width = min(int(np.floor(2.0 * reach)) + 1, num_bins)
-        if len(self.values) / _STEPS_PER_BIN > count / 2.0:
-            return True, np.arange(width)
-        inner = (self.hole - 1) / _STEPS_PER_BIN * scale
-        low, high = int(np.ceil(reach - inner)), int(np.floor(reach + inner))
-        return False, np.r_[:low, high:width] if low < high else np.arange(width)
-
-    def _between(self, row: Index, share: Array, apart: int, column: Index) -> Array:
-        """Return the values at columns `apart` steps from each other, the first between two of the table.
-
-        The bins of a path are equally far from the values of the table beside them: one row has them all.
-        """
-        value, slope, at_step = self._rows(apart, column)
-        out = np.take(slope, row, axis=0)
-        out *= share[..., None]
-        out += np.take(value, row, axis=0)
-        exact = share == 0.0
-        if exact.any():
-            out[exact] = at_step[row[exact]]
-        return out
-
-    def _rows(self, apart: int, column: Index) -> tuple[Array, Array, Array]:
-        """Return values beyond each step, their slopes, and values on it, (num_steps, columns), from below the lobe on.
-
-        They are 0 beyond the lobe, so that its last value counts on its step alone.
-        """
-        key = apart, column.tobytes()
-        if key not in self.known:
-            count = len(self.values)
-            on_step = np.concatenate(
-                [[0.0], self.values[:0:-1], self.values, np.zeros(apart * (int(column.max(initial=-1)) + 1) + 1)]
-            )
-            slope, beyond = np.diff(on_step, append=0.0), on_step.copy()
-            slope[[0, 2 * count - 1]] = beyond[2 * count - 1] = 0.0
-            place = np.arange(apart + 1)[:, None] + apart * column
-            self.known[key] = beyond[place], slope[place], on_step[place]
-        return self.known[key]

@@ -24,11 +24,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
+from scarl_sionna.core.arrays.blocks import in_blocks
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .phase import FrameGrid, delay_terms, outer_phasor, phasor
-from .spreading import GUARD, KERNEL_CELLS, Spreader, Strips, in_blocks
+from .spreading import GUARD, KERNEL_CELLS, Spreader, Strips
 
 Array = npt.NDArray[np.float64]
 

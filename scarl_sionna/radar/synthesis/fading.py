@@ -46,6 +46,8 @@ class Fading:
         one by one, of all pairs the root mean square.
         """
         rows = np.flatnonzero(moving)
+        if not len(rows):
+            return None
         offsets, velocities = _ends(paths)
         turned = np.zeros(paths.num_paths)
         for offset, velocity, twist in zip(offsets, velocities, (paths.tx_twist, paths.rx_twist), strict=True):

@@ -135,6 +135,16 @@ class End:
                 bend /= value
         return found
 
+    def rates(self, distance: Array, block: slice) -> Array:
+        """Return the rates at time 0 of distances of some paths to all antennas, (num_antennas, num_paths), [m/s]."""
+        offset, own = (columns[:, block] for columns in self._axes)
+        start, moving = self.arms.start, self.arms.start @ self.arms._across.T
+        found = np.einsum("ip,ip->p", offset, own) - start @ own
+        if moving.any():
+            found -= moving @ offset
+        found /= distance
+        return found
+
     @cached_property
     def _axes(self) -> tuple[Array, Array]:
         """Offsets and velocities axis after axis, shape (3, num_paths)."""
@@ -407,11 +417,11 @@ class PairTerms:
         alone = self.motion is None or self.geometry.fields is not None or self.motion.mirror.any()
         return not alone and bool(self._known.all()) and not self._bends.any()
 
-    def shares(self) -> tuple[list[tuple[Array, Array, Array]], list[tuple[Array, Array, Array]]]:
+    def shares(self, block: slice) -> tuple[list[tuple[Array, Array, Array]], list[tuple[Array, Array, Array]]]:
         """Return of each transmitter and of each receiver what it has of lengths, rates, and amplitudes as a factor.
 
-        At the frame's start, (num_paths,) each, where :attr:`is_linear`; what lies between the ends is with the
-        transmitters.
+        Of some paths at the frame's start, (num_paths,) each, where :attr:`is_linear`; what lies between the ends is
+        with the transmitters.
 
         Raises
         ------
@@ -419,17 +429,16 @@ class PairTerms:
             If a path ends at an antenna.
         """
         assert self.motion is not None  # by `is_linear`
-        (out, home), geometry, between = self._of_antennas, self.geometry, self.motion.between
-        self.geometry.pair_amplitude(0, 0)
-        sent = [
-            (distance + geometry.inner_length, terms.rate[0] + between.rate, geometry.center_distance[0] / distance)
-            for distance, terms in zip(geometry.tx_distance, out, strict=True)
-        ]
-        heard = [
-            (distance, terms.rate[0], geometry.center_distance[1] / distance)
-            for distance, terms in zip(geometry.rx_distance, home, strict=True)
-        ]
-        return sent, heard
+        geometry, motion = self.geometry, self.motion
+        out, home = geometry.tx_distance[:, block], geometry.rx_distance[:, block]
+        if not (out.all() and home.all()):
+            for tx, rx in np.ndindex(len(out), len(home)):
+                geometry.pair_amplitude(tx, rx)
+        inner, rate = geometry.inner_length[block], motion.between.rate[block]
+        tx_center, rx_center = (center[block] for center in geometry.center_distance[:2])
+        sent = zip(out + inner, motion.tx.rates(out, block) + rate, tx_center / out, strict=True)
+        heard = zip(home, motion.rx.rates(home, block), rx_center / home, strict=True)
+        return list(sent), list(heard)
 
     @cached_property
     def _known(self) -> npt.NDArray[np.bool_]:

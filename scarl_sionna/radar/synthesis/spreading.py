@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -189,9 +188,3 @@ class Strips:
             if weighted is not None:
                 real = weighted[1].dtype
                 np.multiply(out[target].view(real), weighted[1][source], out=weighted[0][target].view(real))
-
-
-def in_blocks(count: int, size: int) -> Iterator[slice]:
-    """Yield slices of a bounded size."""
-    for start in range(0, count, size):
-        yield slice(start, min(start + size, count))
