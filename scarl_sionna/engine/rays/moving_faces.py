@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,14 @@ class MovingFaces:
     on : Device
     state : WorldState
     """
+
+    @classmethod
+    def of(cls, on: Device, state: WorldState) -> MovingFaces:
+        """Return the faces of a state on a device; made once a state and variant, for all sensors."""
+        known, key = _known.setdefault(state, {}), on.mi.variant()
+        if key not in known:
+            known[key] = cls(Device(on.mi), state)
+        return known[key]
 
     def __init__(self, on: Device, state: WorldState) -> None:
         self._on = on
@@ -95,3 +104,6 @@ class MovingFaces:
         plane = dr.select(crosses, (offset - dr.dot(normal, origin)) / dr.select(crosses, cosine, 1.0), engine)
         trusted = dr.abs(plane - engine) <= PLANE_MISMATCH * (1.0 + engine)
         return dr.select(trusted, plane, engine), cosine, normal
+
+
+_known: WeakKeyDictionary[WorldState, dict[str, MovingFaces]] = WeakKeyDictionary()

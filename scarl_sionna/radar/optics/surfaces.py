@@ -194,7 +194,7 @@ class FaceSurfaces:
         scatters = np.array([name in names and albedo[names.index(name)] > 0.0 for name in table.material])
         self.is_rough = scatters[faces.part]
         """Whether a part of what each face reflects is scattered diffusely."""
-        self._faces = MovingFaces(rays, state)
+        self._faces = MovingFaces.of(rays, state)
         self._material_of_part = rays.index(of_part)
 
     def plane(self, face: DeviceArray) -> tuple[DeviceArray, DeviceArray]:

@@ -20,6 +20,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import SPECULAR
 from scarl_sionna.radar.channel.multipath.images import spherical_basis
+from scarl_sionna.radar.channel.multipath.mirror_faces import COINCIDENT, NO_MIRROR, inside
 from scarl_sionna.radar.channel.sbr.bodies import Bodies
 from scarl_sionna.radar.channel.sbr.tracing import Pair
 from scarl_sionna.radar.channel.scatterers import PlacedModel
@@ -31,7 +32,6 @@ from scarl_sionna.signal.link import spreading
 
 from .budget import BOX_POINTS, box_points
 from .expected_error import owners
-from .mirror_faces import COINCIDENT, NO_MIRROR, inside
 from .mirror_legs import Leg, MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches, ways
 from .plan import Seen

@@ -16,13 +16,12 @@ from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
 from scarl_sionna.radar.channel.multipath.mirror_ends import MirrorEnds, Reflections
+from scarl_sionna.radar.channel.multipath.mirror_faces import MirrorFaces
+from scarl_sionna.radar.channel.multipath.mirror_rays import LIFT, Met, MirrorRays
 from scarl_sionna.radar.channel.multipath.station import Station
-from scarl_sionna.radar.optics.faces.panes import MOST_PANES
 from scarl_sionna.radar.optics.tubes.screens import Strips
 from scarl_sionna.radar.tuned import material_frequency
-from scarl_sionna.scene.tables import RayHits
 
-from .mirror_faces import MirrorFaces
 from .mirrors import Mirror
 
 if TYPE_CHECKING:
@@ -33,10 +32,6 @@ Complex = npt.NDArray[np.complex128]
 Flags = npt.NDArray[np.bool_]
 Ways = npt.NDArray[np.int64]
 """Numbers of mirrors in the order from the radar, (num_points, num_mirrors)."""
-
-_LIFT = 1e-4
-"""Rays start this far above a mirror [m], so that they do not meet it again: a guard against the rounding of float32
-hits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +100,9 @@ class MirrorView:
         return Station(self.mount.pose.position, self.mount.twist.linear, self.mount.pose.rotation)
 
     @cached_property
-    def _is_thin(self) -> Flags:
-        """Which parts let waves through, by their rows."""
-        return np.isin(np.arange(len(self.state.world.parts.name)), self.thin)
-
-    @cached_property
-    def faces(self) -> MirrorFaces:
-        """Finds which of the mirrors a ray has met."""
-        return MirrorFaces(
+    def rays(self) -> MirrorRays:
+        """Finds what is on the ways."""
+        faces = MirrorFaces(
             len(self.state._triangles.normal),
             [mirror.faces for mirror in self.mirrors],
             np.array([mirror.normal for mirror in self.mirrors]),
@@ -120,6 +110,8 @@ class MirrorView:
             [mirror.corners.reshape(-1, 3, 3) for mirror in self.mirrors],
             self.knobs.thickness,
         )
+        is_thin = np.isin(np.arange(len(self.state.world.parts.name)), self.thin)
+        return MirrorRays(self.state, faces, self.owned, is_thin)
 
     @cached_property
     def _planes(self) -> tuple[Array, Array, npt.NDArray[np.int64]]:
@@ -152,7 +144,7 @@ class MirrorView:
 
     def _reflections(self, ways: Ways, vertices: Array, travel: Array, points: Array) -> Reflections:
         at = vertices[:, 0]
-        inverse = sum(1.0 / np.maximum(row_norm(end - at), _LIFT) for end in (self.station.position, points))
+        inverse = sum(1.0 / np.maximum(row_norm(end - at), LIFT) for end in (self.station.position, points))
         return Reflections(ways[:, 0], at, travel, np.asarray(inverse))
 
     def strips(self, number: int, points: Array, together: int) -> Strips | None:
@@ -259,68 +251,27 @@ class MirrorView:
 
         Of those only that `right` has.
         """
-        state, (normals, offsets, _) = self.state, self._planes
-        here, seen = np.broadcast_to(self.station.position, points.shape).copy(), right.copy()
+        normals, offsets, _ = self._planes
+        start, rows, seen = self.station.position, np.flatnonzero(right), np.zeros(len(points), dtype=np.bool_)
         tails = self.ends is not None and ways.shape[1] == 1
-        for k in range(ways.shape[1] + 1):
-            rows = np.flatnonzero(seen)
-            if len(rows) == 0:
-                return seen
-            end = (vertices[:, k] if k < ways.shape[1] else points)[rows]
-            ahead = end - here[rows]
-            distance = row_norm(ahead)
-            far = distance > _LIFT
-            direction = np.where(far[:, None], ahead / np.maximum(distance, _LIFT)[:, None], [1.0, 0.0, 0.0])
-            if k < ways.shape[1]:
-                mirror = ways[rows, k]
-                hits = state.cast(here[rows], direction)
-                met = np.zeros(len(rows), dtype=bool)
-                met[hits.ray] = self.faces.on(mirror[hits.ray], hits, end[hits.ray])
-                if tails:
-                    met |= self._beside(ways[rows], points[rows], met, hits, distance)
-                side = np.sign(_dot(here[rows], normals[mirror]) - offsets[mirror])
-                lift = np.full(len(rows), _LIFT)
-                of_hit = mirror[hits.ray]
-                above = np.abs(_dot(hits.point, normals[of_hit]) - offsets[of_hit]) > _LIFT
-                lift[hits.ray[above]] = self.knobs.thickness  # out from under a marking
-                here[rows] = end + (lift * side)[:, None] * normals[mirror]
-            else:
-                own = None if owner is None else owner[rows]
-                met = ~self._in_the_way(here[rows], direction, distance, own)
-            seen[rows] = met & far
+        for k in range(ways.shape[1]):
+            end, mirror = vertices[rows, k], ways[rows, k]
+            met = self.rays.meet(start, end, mirror)
+            kept = np.flatnonzero(met.on | self._beside(ways[rows], points[rows], met) if tails else met.on)
+            normal, offset = normals[mirror[kept]], offsets[mirror[kept]]
+            side = np.sign(_dot(np.broadcast_to(start, end.shape)[kept], normal) - offset)
+            lift = np.where(met.above[kept], self.knobs.thickness, LIFT)  # out from under a marking
+            start, rows = end[kept] + (lift * side)[:, None] * normal, rows[kept]
+        seen[rows[self.rays.reach(start, points[rows], None if owner is None else owner[rows])]] = True
         return seen
 
-    def _beside(self, ways: Ways, points: Array, met: Flags, hits: RayHits, distance: Array) -> Flags:
+    def _beside(self, ways: Ways, points: Array, met: Met) -> Flags:
         """Return which rays to points pass a mirror's end where its reflection goes on, and meet nothing before."""
-        free = ~met & (distance > _LIFT)
-        free[hits.ray[hits.distance < distance[hits.ray] - _LIFT]] = False
-        some = np.flatnonzero(free)
+        some = np.flatnonzero(met.free & ~met.on)
         found = np.zeros(len(ways), dtype=np.bool_)
         if self.ends is not None and len(some):
             found[some] = self.ends.goes_on(self.reflections(ways[some], points[some]))
         return found
-
-    def _in_the_way(
-        self, start: Array, direction: Array, distance: Array, owner: npt.NDArray[np.int64] | None
-    ) -> npt.NDArray[np.bool_]:
-        """Return which rays meet something foreign that lets nothing through, or too many panes, before a distance."""
-        state, hidden = self.state, np.zeros(len(start), dtype=np.bool_)
-        rows, gone = np.arange(len(start)), np.zeros(len(start))
-        for panes_left in range(MOST_PANES, -1, -1):
-            hits = state.cast(start[rows] + gone[rows, None] * direction[rows], direction[rows])
-            met = rows[hits.ray]
-            before = gone[met] + hits.distance < distance[met] - self.knobs.thickness
-            instance = state.world.parts.instance[hits.part]
-            foreign = before & ~np.isin(instance, self.owned) if len(self.owned) else before
-            pane = foreign & self._is_thin[hits.part] & (panes_left > 0)
-            if owner is not None:
-                pane &= instance != owner[met]
-            hidden[met[foreign & ~pane]] = True
-            gone[met[pane]] += hits.distance[pane] + _LIFT
-            rows = met[pane]
-            if not len(rows):
-                break
-        return hidden
 
 
 def _dot(first: Array, second: Array) -> Array:

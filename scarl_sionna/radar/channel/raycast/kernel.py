@@ -137,7 +137,7 @@ class RaycastKernel:
     ) -> None:
         grid, knobs, reach, owned, by_material = task
         self._on, self._grid = rays, grid
-        self._faces = MovingFaces(rays, state)
+        self._faces = MovingFaces.of(rays, state)
         self._arithmetic = _Complex(rays)
         cosines, sines, places = grid.columns()
         self._columns = rays.reals(np.stack([cosines, sines, places], axis=1))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.arrays.rows import row_all
 from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS
-from scarl_sionna.scene.tables import RayHits
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -27,8 +27,6 @@ _PAIRS = 1 << 20
 """Points and triangles near to them that are compared in one piece: bounds the memory, changes no result."""
 _COMPARED = 1 << 18
 """Points and mirrors that are compared in one piece: what the processor's cache holds, changes no result."""
-_WAITING = 1 << 22
-"""Points and mirrors of which the nearest is found in one piece: bounds the memory, changes no result."""
 _MOST_CELLS = 1024
 """Of a grid along each axis: bounds the memory, changes no result."""
 
@@ -53,6 +51,11 @@ class MirrorFaces:
         Of each mirror's triangles [m, world].
     thickness : float
         What lies this near to a mirror's plane, such as a road marking, belongs to it [m].
+
+    Attributes
+    ----------
+    of_face : ndarray of int64, shape (num_faces,)
+        Number of the mirror that each face is part of, `NO_MIRROR` for none.
     """
 
     def __init__(
@@ -65,30 +68,11 @@ class MirrorFaces:
         thickness: float = DEFAULT_MIRRORS.thickness,
     ) -> None:
         self.thickness = thickness
-        self._of_face = np.full(num_faces, NO_MIRROR, dtype=np.int64)
+        self.of_face = np.full(num_faces, NO_MIRROR, dtype=np.int64)
         for number, rows in enumerate(faces):
-            self._of_face[rows] = number
-        self._normal, self._offset = normal.reshape(-1, 3), offset
+            self.of_face[rows] = number
+        self.normal, self.offset = normal.reshape(-1, 3), offset
         self._corners = tuple(corners)
-
-    def on(self, number: Index, hits: RayHits, aim: Array) -> Flags:
-        """Return which hits are on the mirror with a number, shape (num_hits,): those that it owns, see :meth:`owner`.
-
-        Parameters
-        ----------
-        number : ndarray of int64, shape (num_hits,)
-        hits : RayHits
-        aim : ndarray of float64, shape (num_hits, 3)
-            As of :meth:`owner`.
-        """
-        own, limit = self._of_face[hits.face], np.full(len(number), self.thickness)
-        rows = np.flatnonzero(own != NO_MIRROR)
-        limit[rows] = self._height(hits.point[rows], own[rows]) + COINCIDENT
-        found = self._height(hits.point, number) < limit + COINCIDENT  # few are: the others are not compared with all
-        rows = np.flatnonzero(found)
-        for some in np.array_split(rows, 1 + len(rows) * len(self._normal) // _WAITING):
-            found[some] = self.owner(hits.face[some], hits.point[some], aim[some]) == number[some]
-        return found
 
     def owner(self, face: Index, point: Array, aim: Array) -> Index:
         """Return the number of the mirror that each hit is on, `NO_MIRROR` where it is on none.
@@ -106,56 +90,96 @@ class MirrorFaces:
         aim : ndarray of float64, shape (num_hits, 3)
             Points in planes of mirrors that the rays of the hits were sent to [m, world].
         """
-        own, result, waiting = self._of_face[face], np.empty(len(face), dtype=np.int64), []
-        for some in np.array_split(np.arange(len(face)), 1 + len(face) * len(self._normal) // _COMPARED):
-            height = np.abs(point[some] @ self._normal.T - self._offset)
-            here = np.full(len(some), self.thickness)
+        own, result, waiting = self.of_face[face], np.full(len(face), NO_MIRROR), [_Pairs.none()]
+        for some in np.array_split(np.arange(len(face)), 1 + len(face) * len(self.normal) // _COMPARED):
+            height = np.abs(_outer(point[some], self.normal) - self.offset)
+            limit = np.full(len(some), self.thickness)
             rows = np.flatnonzero(own[some] != NO_MIRROR)
-            here[rows] = height[rows, own[some[rows]]] + COINCIDENT
-            may = height < here[:, None]
-            count = np.count_nonzero(may, axis=1)
-            result[some] = np.where(count > 0, may.argmax(axis=1), NO_MIRROR)
-            several = np.flatnonzero(count > 1)
-            waiting.append((some[several], height[several], may[several]))
-        rows, height, may = (np.concatenate(column) for column in zip(*waiting, strict=True))
-        result[rows] = self._nearest(aim[rows], height, may, own[rows])
+            limit[rows] = height[rows, own[some[rows]]] + COINCIDENT
+            row, number = np.divmod(np.flatnonzero(height < limit[:, None]), max(len(self.normal), 1))
+            may = _Pairs(some[row], number, height[row, number])
+            first, count = may.runs()
+            result[may.row[first]] = may.number[first]
+            is_settled = (may.number[first] == own[may.row[first]]) & may.is_nearest()[first]
+            waiting.append(may.take(np.repeat((count > 1) & ~is_settled, count)))
+        left = _Pairs._make(np.concatenate(column) for column in zip(*waiting, strict=True))
+        chosen = self._nearest(left, own, aim)
+        result[chosen.row] = chosen.number
         return result
 
-    def _height(self, point: Array, number: Index) -> Array:
-        """Return the distances of points from the planes of mirrors, one mirror each [m]."""
-        return np.asarray(np.abs(np.einsum("ij,ij->i", point, self._normal[number]) - self._offset[number]))
-
-    def _nearest(self, aim: Array, height: Array, may: Flags, own: Index) -> Index:
+    def _nearest(self, may: _Pairs, own: Index, aim: Array) -> _Pairs:
         """Return the first of the nearest mirrors that go on where rays were aimed, of those that may own the hits."""
-        under = np.zeros_like(may)
-        for number in np.flatnonzero(may.any(axis=0)):
-            rows = np.flatnonzero(may[:, number])
-            on_it = own[rows] == number
-            under[rows[on_it], number] = True
-            rows = rows[~on_it]
-            under[rows, number] = inside(aim[rows], self._corners[number], self._normal[number])
-        chosen = np.where(under.any(axis=1, keepdims=True), under, may)
-        height = np.where(chosen, height, np.inf)
-        return np.asarray((height < height.min(axis=1, keepdims=True) + COINCIDENT).argmax(axis=1), dtype=np.int64)
+        under = may.number == own[may.row]
+        for number in np.unique(may.number).tolist():
+            there = np.flatnonzero((may.number == number) & ~under)
+            under[there] = inside(aim[may.row[there]], self._corners[number], self.normal[number])
+        first, count = may.runs()
+        if len(first):
+            may = may.take(under | np.repeat(~np.logical_or.reduceat(under, first), count))
+        may = may.take(may.is_nearest())
+        return may.take(may.runs()[0])
+
+
+class _Pairs(NamedTuple):
+    """Hits and mirrors that may own them, those of one hit one after the other.
+
+    `row` numbers the hits, `number` the mirrors, `height` is the distance of the hit from the mirror's plane [m]; each
+    shape (num_pairs,).
+    """
+
+    row: Index
+    number: Index
+    height: Array
+
+    @classmethod
+    def none(cls) -> _Pairs:
+        return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+    def take(self, pairs: Index | Flags) -> _Pairs:
+        return _Pairs._make(column[pairs] for column in self)
+
+    def runs(self) -> tuple[Index, Index]:
+        """Return the first pair of each hit, and how many it has."""
+        first = np.flatnonzero(np.diff(self.row, prepend=-1))
+        return first, np.diff(first, append=len(self.row))
+
+    def is_nearest(self) -> Flags:
+        """Return which mirrors are as near to the hit as the nearest, shape (num_pairs,)."""
+        first, count = self.runs()
+        if not len(first):
+            return np.zeros(0, dtype=np.bool_)
+        return np.asarray(self.height < np.repeat(np.minimum.reduceat(self.height, first), count) + COINCIDENT)
+
+
+def _outer(first: Array, second: Array) -> Array:
+    """Return the dot products of all vectors (n, 3) with all others (m, 3): 10 times faster than a matrix product."""
+    found = np.multiply.outer(first[:, 0], second[:, 0])
+    for k in (1, 2):
+        found += np.multiply.outer(first[:, k], second[:, k])
+    return np.asarray(found)
 
 
 def inside(point: Array, corners: Array, normal: Array) -> Flags:
     """Return which points are over one of the triangles in a plane, or within `COINCIDENT` of its edges [m]."""
-    if not len(point):
-        return np.zeros(0, dtype=np.bool_)
+    found = np.zeros(len(point), dtype=np.bool_)
     across = np.delete(np.arange(3), np.abs(normal).argmax())
     flat, triangles = point[:, across], corners[:, :, across]
     lower, upper = triangles.min(axis=1) - _NEAR, triangles.max(axis=1) + _NEAR
+    about = np.flatnonzero(
+        row_all((flat > lower.min(axis=0, initial=np.inf)) & (flat < upper.max(axis=0, initial=-np.inf)))
+    )
+    if not len(about):
+        return found
+    flat = flat[about]
     used = row_all((upper > flat.min(axis=0)) & (lower < flat.max(axis=0)))
     triangles, cells = triangles[used], _Cells(lower[used], upper[used])
     edge = np.roll(triangles, -1, axis=1) - triangles
     turn = np.sign(edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0])
     edge /= np.maximum(np.linalg.norm(edge, axis=2, keepdims=True), COINCIDENT)
-    found = np.zeros(len(flat), dtype=np.bool_)
     for row, near in cells.pairs(flat):
         away = flat[row, None] - triangles[near]
         side = (edge[near, :, 0] * away[..., 1] - edge[near, :, 1] * away[..., 0]) * turn[near, None]
-        found[row[row_all(side > -COINCIDENT) & (turn[near] != 0.0)]] = True
+        found[about[row[row_all(side > -COINCIDENT) & (turn[near] != 0.0)]]] = True
     return found
 
 
