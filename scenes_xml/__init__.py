@@ -20,9 +20,12 @@ from . import packing
 from .cache import cache_folder, kept_folder
 
 _ROOT = Path(__file__).resolve().parent
-_DETAILS = ("detailed", "light")
+DETAILS = ("detailed", "light")
+"""Levels of geometry, of scenes and actor models."""
 
-__all__ = ["actor_names", "actor_path", "cache_folder", "person_ages", "scene_names", "scene_path", "source_hash"]
+__all__ = [
+    "DETAILS", "actor_names", "actor_path", "cache_folder", "person_ages", "scene_names", "scene_path", "source_hash",
+]  # fmt: skip # a list
 
 
 def scene_names() -> tuple[str, ...]:
@@ -91,8 +94,8 @@ def scene_path(name: str, variant: int = 0, detail: str = "detailed") -> Path:
         raise KeyError(f"no scene {name!r} in scenes_xml; choose one of {', '.join(scene_names())}")
     if isinstance(variant, bool) or not isinstance(variant, int) or variant < 0:
         raise ValueError(f"variant of scene {name!r} is {variant!r}; allowed are whole numbers from 0")
-    if detail not in _DETAILS:
-        raise ValueError(f"detail of scene {name!r} is {detail!r}; allowed are {' and '.join(_DETAILS)}")
+    if detail not in DETAILS:
+        raise ValueError(f"detail of scene {name!r} is {detail!r}; allowed are {' and '.join(DETAILS)}")
     is_packed = variant == 0 and detail == "detailed"
     stem = f"{name}-v{variant}-{detail}"
     main = [f"{name}.xml", "scene.toml"]

@@ -12,6 +12,7 @@ from typing import Annotated, Any, cast
 import typer
 import yaml
 
+import scenes_xml
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.settings.radar import PLAIN_METHODS, QUALITIES, RadarSettings
 from scarl_sionna.core.specs.lighting import LIGHTING_PRESETS
@@ -20,7 +21,6 @@ from scarl_sionna.core.untrusted.yaml_text import parse_yaml
 from scarl_sionna.fusion.rig import RIG_PRESETS
 from scarl_sionna.scenario.spec.fields import with_field
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
-from scarl_sionna.scene.actors.model import DETAILS
 
 from .common import completing
 
@@ -48,7 +48,7 @@ SCENARIO_OPTIONS: Mapping[str, Any] = {
     "detail": Annotated[
         str | None,
         typer.Option(
-            autocompletion=completing(lambda: DETAILS),
+            autocompletion=completing(lambda: scenes_xml.DETAILS),
             help=f"Level of geometry, light or detailed (default: {_DEFAULTS.detail}).",
         ),
     ],

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from .errors import ParameterRangeError
 from .prompt.arguments import check_radians, numbers
@@ -90,6 +89,8 @@ class Pose(Described):
         rotation : array_like of float, shape (3, 3)
             Rotation matrix: its columns are the axes of the source frame in the target frame.
         """
+        from scipy.spatial.transform import Rotation  # 0.2 s, which a command line need not wait for
+
         quaternion = Rotation.from_matrix(np.asarray(rotation, dtype=np.float64)).as_quat()  # x, y, z, w
         return cls(np.asarray(position, dtype=np.float64), np.roll(quaternion, 1))
 

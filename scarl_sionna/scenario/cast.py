@@ -11,8 +11,6 @@ from pathlib import Path
 
 from scarl_sionna.core.errors import ScarlError, ScenarioError, ScenarioFileError, ScenarioValueError, UnknownNameError
 from scarl_sionna.core.untrusted.files import Stamps, stamps
-from scarl_sionna.scene.actors.body import actor_from_body
-from scarl_sionna.scene.actors.mesh import actor_from_mesh
 from scarl_sionna.scene.actors.model import ActorModel, Color, read_actor_model
 from scarl_sionna.scene.document.model import SceneDocument
 from scarl_sionna.scene.document.staging import StagedActor
@@ -139,7 +137,11 @@ def _own_model(file: Path, changed: Stamps, name: str, text: str, key: str) -> A
     materials = fields.pop("materials")
     del fields["file"]
     if key == "body":
+        from scarl_sionna.scene.actors.body import actor_from_body
+
         return actor_from_body(file, name, materials, **fields)
+    from scarl_sionna.scene.actors.mesh import actor_from_mesh  # trimesh takes half a second
+
     return actor_from_mesh(file, name, fields.pop("semantic"), materials, **fields)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from scarl_sionna.core.untrusted.files import Stamps, stamps
 
 from .compose import Composition
-from .openscenario.drive import SUFFIX, files_of
+from .openscenario import SUFFIX
 from .randomize import RANGES_FILE
 from .spec.actors import RandomizationSpec
 from .spec.scenario import ScenarioSpec
@@ -69,6 +69,8 @@ def _checksum_of(path: Path) -> str:
     An OpenSCENARIO file's is that of its catalogs, too.
     """
     if path.suffix == SUFFIX:
+        from .openscenario.drive import files_of
+
         return hashlib.sha256(" ".join(_sha256(one) for one in files_of(path)).encode()).hexdigest()
     folder = path.parent if path.name == "actor.toml" else path
     if not folder.is_dir():

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,10 +31,6 @@ from .checks.collisions import find_collisions
 from .checks.spec import PATH_OF_TRAFFIC, STEP, body_of_entry, moving_of
 from .motion.bodies import BodyLike
 from .motion.motions import MARGIN, Setting
-from .openscenario.actors import actor_name, planned_actors
-from .openscenario.drive import Drive, read_drive
-from .openscenario.lights import with_signals
-from .openscenario.swarm import swarm_actors
 from .randomize import draw_look
 from .spec.actors import TrafficSpec
 from .spec.light import name_error
@@ -47,6 +44,9 @@ from .traffic.recorded.nuscenes import about_scene, read_nuscenes
 from .traffic.recorded.osi import HOST, about_trace, read_osi
 from .traffic.simulated import simulate_traffic
 from .traffic.sumo import run_sumo
+
+if TYPE_CHECKING:
+    from .openscenario.drive import Drive
 
 SIGHT = 300.0
 """Distance from the ego vehicle [m] within which nobody comes or goes: radars and lidars do not reach so far, and in a
@@ -103,6 +103,9 @@ def with_signals_of(spec: ScenarioSpec, document: SceneDocument, setting: Settin
     """Return the scene with lights that follow the storyboard, where the traffic is that of one."""
     if spec.traffic is None or spec.traffic.source != "openscenario":
         return document
+    from .openscenario.drive import read_drive
+    from .openscenario.lights import with_signals
+
     return with_signals(document, read_drive(_file(spec, spec.traffic), setting.street).run.signals)
 
 
@@ -129,6 +132,9 @@ def _planned(
     file = _file(spec, traffic)
     taken = _driven_by(spec, file)
     if source == "openscenario":
+        from .openscenario.actors import actor_name, planned_actors
+        from .openscenario.drive import read_drive
+
         drive = read_drive(file, setting.street)
         _check_overlap(spec, traffic, (0.0, drive.run.stop), setting)
         found = planned_actors(drive, span)
@@ -158,6 +164,9 @@ def _swarms(
     setting: Setting,
 ) -> list[PlannedActor]:
     """Return the vehicles of the swarms of a storyboard, which follow its entities and each other."""
+    from .openscenario.actors import actor_name
+    from .openscenario.swarm import swarm_actors
+
     found: list[PlannedActor] = []
     known: dict[str, tuple[Trajectory, BodyLike]] = {one.name: (one.trajectory, one.body) for one in entities}
     for number, swarm in enumerate(drive.run.swarms):

@@ -44,6 +44,17 @@ def test_import_starts_no_engine(statement: str) -> None:
     assert not imported_by(statement) & set(HEAVY)
 
 
+def test_the_command_line_waits_for_no_science_library() -> None:
+    """Its help and the completion of words, at every press of a key, take what this import takes."""
+    assert not imported_by("import scarl_sionna.cli") & {"scipy", "trimesh", "shapely", "matplotlib", "zarr", "dask"}
+
+
+def test_a_scene_of_the_package_waits_for_no_other_format() -> None:
+    """Libraries for users' mesh files and for maps take half of the time of all imports."""
+    statement = "from scarl_sionna.scenario import compose; from scarl_sionna.engine import load, world"
+    assert not imported_by(f"{statement}; from scarl_sionna.radar import sensor") & {"trimesh", "shapely", "matplotlib"}
+
+
 def test_the_check_sees_an_engine() -> None:
     """The test above can fail: it does see Dr.Jit when it is imported."""
     assert "drjit" in imported_by("import drjit")

@@ -364,9 +364,10 @@ def test_a_body_is_read_anew_when_what_moves_it_is_edited(tmp_path, monkeypatch)
     """The reading itself stands aside: it tells how often it is asked for."""
     from scarl_sionna.scenario import cast
     from scarl_sionna.scenario.fingerprint import _contents
+    from scarl_sionna.scene.actors import body as reading
 
     read, stated = [], set()
-    monkeypatch.setattr(cast, "actor_from_body", lambda *_, **fields: read.append(fields) or read_actor_model("child"))
+    monkeypatch.setattr(reading, "actor_from_body", lambda *_, **own: read.append(own) or read_actor_model("child"))
     (tmp_path / "body.glb").write_bytes(b"glTF")
     motion = tmp_path / "walk.bvh"
     body = {"file": str(tmp_path / "body.glb"), "moved_by": str(motion), "semantic": "Pedestrian"}

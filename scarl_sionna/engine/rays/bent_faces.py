@@ -14,6 +14,8 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.engine.twins import MeshData
 from scarl_sionna.scene.bodies.bending import BentMesh
 
+from .geometry import closest_in_triangles
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
@@ -71,7 +73,7 @@ class BentFaces:
         """Return which of some points (n, 3) [m, world] of faces (n,) bend, and where those are in another state."""
         rows = np.flatnonzero(self.number[face] >= 0)
         own = self.number[face[rows]]
-        _, share = _closest(point[rows], self.corners[own])
+        _, share = closest_in_triangles(point[rows], self.corners[own])
         return rows, np.einsum("nk,nki->ni", share, later.corners[own])
 
     def nearest(self, part: Index, point: Array) -> Array:
@@ -83,11 +85,11 @@ class BentFaces:
             count = min(CANDIDATES, len(own))
             _, near = cKDTree(corners.mean(axis=1)).query(point[rows], k=count)
             near = near.reshape(len(rows), count)
-            away, share = _closest(point[rows][:, None], corners[near])
+            away, share = closest_in_triangles(point[rows][:, None], corners[near])
             best = away.argmin(axis=1)
             face, shares = near[np.arange(len(rows)), best], share[np.arange(len(rows)), best]
             for far in np.flatnonzero(away.min(axis=1) > ON_FACE).tolist():
-                distances, all_shares = _closest(point[rows[far]][None, None], corners[None])
+                distances, all_shares = closest_in_triangles(point[rows[far]][None, None], corners[None])
                 face[far] = int(distances[0].argmin())
                 shares[far] = all_shares[0, face[far]]
             result[rows] = np.einsum("nk,nki->ni", shares, self.velocity[own[face]])
@@ -117,30 +119,3 @@ def bent_faces(
     corners = [places[part].apply(own.vertices)[mesh(part).faces] for part, own in bent.items()]
     velocity = [places[part].rotate(own.velocity)[mesh(part).faces] for part, own in bent.items()]
     return BentFaces(number, owner, np.concatenate(corners), np.concatenate(velocity))
-
-
-def _closest(point: Array, corners: Array) -> tuple[Array, Array]:
-    """Return distance and barycentric coordinates of the nearest point of triangles, by broadcasting (..., 3, 3)."""
-    shape = np.broadcast_shapes(point.shape[:-1], corners.shape[:-2])
-    best, share = np.full(shape, np.inf), np.zeros((*shape, 3))
-    for k in range(3):  # the edges, ends included
-        start, along = corners[..., k, :], corners[..., (k + 1) % 3, :] - corners[..., k, :]
-        square = np.maximum(np.einsum("...i,...i->...", along, along), 1e-300)
-        way = np.clip(np.einsum("...i,...i->...", point - start, along) / square, 0.0, 1.0)
-        away = np.linalg.norm(point - start - way[..., None] * along, axis=-1)
-        nearer = away < best
-        best = np.where(nearer, away, best)
-        own = np.zeros((*shape, 3))
-        own[..., k], own[..., (k + 1) % 3] = 1.0 - way, way
-        share = np.where(nearer[..., None], own, share)
-    one, other = (corners[..., k, :] - corners[..., 0, :] for k in (1, 2))
-    normal = np.cross(one, other)
-    square = np.maximum(np.einsum("...i,...i->...", normal, normal), 1e-300)
-    offset = point - corners[..., 0, :]
-    second = np.einsum("...i,...i->...", np.cross(offset, other), normal) / square
-    third = np.einsum("...i,...i->...", np.cross(one, offset), normal) / square
-    within = (second >= 0.0) & (third >= 0.0) & (second + third <= 1.0)
-    away = np.abs(np.einsum("...i,...i->...", offset, normal)) / np.sqrt(square)
-    inside = within & (away < best)
-    flat = np.stack([1.0 - second - third, second, third], axis=-1)
-    return np.where(inside, away, best), np.where(inside[..., None], flat, share)

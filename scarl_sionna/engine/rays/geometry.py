@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import ConvexHull, QhullError
 
 from scarl_sionna.core.pose import Pose
 
@@ -22,6 +23,8 @@ PLANE_MISMATCH = 1e-3
 plane."""
 NEARLY_IN_PLANE = 1e-12
 """Cosine of incidence below which a ray runs in the plane."""
+_SHORTEST_EDGE = 1e-10
+"""Of a hull [m], that has a direction."""
 _ENCLOSED = 0.75
 """Winding number from which a point counts as inside. A closed mesh gives 1, an open half space at most 0.5."""
 
@@ -192,6 +195,57 @@ def even_directions(count: int) -> Array:
     return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), z], axis=1)
 
 
+def closest_in_triangles(point: Array, corners: Array) -> tuple[Array, Array]:
+    """Return distance and barycentric coordinates of the nearest point of triangles, by broadcasting (..., 3, 3)."""
+    shape = np.broadcast_shapes(point.shape[:-1], corners.shape[:-2])
+    best, share = np.full(shape, np.inf), np.zeros((*shape, 3))
+    for k in range(3):  # the edges, ends included
+        start, along = corners[..., k, :], corners[..., (k + 1) % 3, :] - corners[..., k, :]
+        square = np.maximum(np.einsum("...i,...i->...", along, along), 1e-300)
+        way = np.clip(np.einsum("...i,...i->...", point - start, along) / square, 0.0, 1.0)
+        away = np.linalg.norm(point - start - way[..., None] * along, axis=-1)
+        nearer = away < best
+        best = np.where(nearer, away, best)
+        own = np.zeros((*shape, 3))
+        own[..., k], own[..., (k + 1) % 3] = 1.0 - way, way
+        share = np.where(nearer[..., None], own, share)
+    one, other = (corners[..., k, :] - corners[..., 0, :] for k in (1, 2))
+    normal = np.cross(one, other)
+    square = np.maximum(np.einsum("...i,...i->...", normal, normal), 1e-300)
+    offset = point - corners[..., 0, :]
+    second = np.einsum("...i,...i->...", np.cross(offset, other), normal) / square
+    third = np.einsum("...i,...i->...", np.cross(one, offset), normal) / square
+    within = (second >= 0.0) & (third >= 0.0) & (second + third <= 1.0)
+    away = np.abs(np.einsum("...i,...i->...", offset, normal)) / np.sqrt(square)
+    inside = within & (away < best)
+    flat = np.stack([1.0 - second - third, second, third], axis=-1)
+    return np.where(inside, away, best), np.where(inside[..., None], flat, share)
+
+
+def _smallest_rectangle(points: Array) -> tuple[Array, Array, float]:
+    """Return middle (2,), sides (2,) and direction [rad] of the longer side of the smallest rectangle around points.
+
+    One of its sides lies along one of the hull of the points (n, 2), which must not all be on a line.
+
+    References
+    ----------
+    .. [1] H. Freeman, R. Shapira, "Determining the Minimum-Area Encasing Rectangle for an Arbitrary Closed Curve",
+       Commun. ACM 18(7), 1975.
+    """
+    hull = ConvexHull(points, qhull_options="QbB")  # in a unit box: as exact for small things as for large ones
+    ends, rim = points[hull.simplices], points[hull.vertices].T
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    along = along[length > _SHORTEST_EDGE] / length[length > _SHORTEST_EDGE, None]
+    places = np.stack([along @ rim, np.fliplr(along) * [-1.0, 1.0] @ rim])
+    low, high = places.min(axis=2), places.max(axis=2)
+    best = int(np.prod(high - low, axis=0).argmin())
+    axes = np.array([along[best], [-along[best, 1], along[best, 0]]])
+    middle, sides = (low[:, best] + high[:, best]) / 2.0 @ axes, high[:, best] - low[:, best]
+    longer = int(sides[1] > sides[0])
+    return middle, sides[[longer, 1 - longer]], float(np.arctan2(axes[longer, 1], axes[longer, 0]))
+
+
 def upright_box(points: Array, fixed_axes: bool) -> tuple[Pose, Array]:
     """Return centre pose and extents (length, width, height) of a box around points, with vertical sides.
 
@@ -201,15 +255,9 @@ def upright_box(points: Array, fixed_axes: bool) -> tuple[Pose, Array]:
     if fixed_axes:
         lower, upper = points.min(axis=0), points.max(axis=0)
         return Pose(position=(lower + upper) / 2.0), upper - lower
-    from trimesh.bounds import oriented_bounds_2D
-
     try:
-        box_from_plane, extents = oriented_bounds_2D(points[:, :2])
-    except Exception:  # a flat or line-like footprint has no hull
+        center, sides, yaw = _smallest_rectangle(points[:, :2])
+    except (QhullError, ValueError):  # a flat or line-like footprint has no hull
         return upright_box(points, fixed_axes=True)
-    plane_from_box = np.linalg.inv(box_from_plane)
-    x_axis = plane_from_box[:2, 0]
-    center = plane_from_box[:2, 2]
-    yaw = float(np.arctan2(x_axis[1], x_axis[0]))
     pose = Pose.from_euler([center[0], center[1], (low + high) / 2.0], yaw=yaw)
-    return pose, np.array([extents[0], extents[1], high - low])
+    return pose, np.array([sides[0], sides[1], high - low])

@@ -22,8 +22,7 @@ from scarl_sionna.core.errors import (
     UnknownNameError,
 )
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.scenario.openscenario.actors import entity_tracks
-from scarl_sionna.scenario.openscenario.drive import SUFFIX
+from scarl_sionna.scenario.openscenario import SUFFIX
 from scarl_sionna.scenario.randomize import Jitter
 from scarl_sionna.scenario.spec.light import name_error
 from scarl_sionna.scenario.spec.motion import (
@@ -324,6 +323,8 @@ def _table(spec: TableSpec, name: str, body: ActorBody, setting: Setting, place:
     if path.is_dir():
         return _recorded(spec, path, wanted, body, setting, place)
     if path.suffix.lower() == SUFFIX and path.is_file():
+        from scarl_sionna.scenario.openscenario.actors import entity_tracks
+
         tracks: Mapping[str, Trajectory | TableTrack] = entity_tracks(path, setting.street)
     else:
         tracks = tracks_of(path, setting.network, place("file"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from typing import Any, Protocol
 
 import numpy as np
@@ -129,8 +130,6 @@ class Springs:
             Pitch and roll [rad], and their rates [rad/s], at the first time; None: as if the first pull had always
             been.
         """
-        from scipy.signal import lfilter
-
         wanted = np.clip(pulls / GRAVITY, -1.0, 1.0) * np.radians([self.pitch, self.roll])
         omega, step = 2.0 * np.pi * self.frequency, times[1] - times[0]
         system = np.zeros((4, 4))  # angle, rate, what is wanted, and how that changes over a step
@@ -141,7 +140,9 @@ class Springs:
         first = np.stack([wanted[0], np.zeros(2)]) if before is None else before
         poles, modes = np.linalg.eig(exact[:2, :2])  # a conjugate pair: twice the real part of one
         drive = np.concatenate([first[None], driven]).transpose(0, 2, 1) @ np.linalg.inv(modes)[0]
-        states = 2.0 * np.real(modes[:, 0, None] * lfilter([1.0], [1.0, -poles[0]], drive, axis=0)[:, None])
+        pole = complex(poles[0])
+        rung = [list(accumulate(one, lambda state, now: now + pole * state)) for one in drive.T.tolist()]
+        states = 2.0 * np.real(modes[:, 0, None] * np.transpose(rung)[:, None])
         return CubicHermiteSpline(times, states[:, 0], states[:, 1])
 
 

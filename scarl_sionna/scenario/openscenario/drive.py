@@ -23,7 +23,6 @@ from .running.signals import read_signals
 from .running.simulation import Run, Simulation
 from .running.storyboard import Storyboard
 
-SUFFIX = ".xosc"
 _HEROES = ("ego", "hero", "egovehicle", "ego_vehicle")
 
 

@@ -20,11 +20,10 @@ from scarl_sionna.scene.document.material_entries import material_entries
 from scarl_sionna.scene.document.model import MaterialEntry
 from scarl_sionna.scene.document.tables_form import model_tables
 from scarl_sionna.scene.document.xml_file import bsdf_of, check_shapes, parse_xml
+from scenes_xml import DETAILS
 
 Color = tuple[float, float, float]
 
-DETAILS = ("detailed", "light")
-"""Levels of geometry."""
 MOTIONS = ("vehicle", "cycle", "walk", "stand")
 """How a model can move: steered with rolling wheels, the same and leaning on two wheels, on foot, or not at all."""
 

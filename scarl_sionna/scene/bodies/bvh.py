@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 from scipy.spatial.transform import Rotation
 
 from scarl_sionna.core.untrusted.files import MEGABYTE, read_text
@@ -59,6 +58,8 @@ def read_bvh(path: Path, smooth: bool = True) -> Skeleton:
 
 def read_bvh_body(path: Path, smooth: bool = True) -> Body:
     """Return a body of capsules around the bones of a BVH file; parameters and errors of :func:`read_bvh`."""
+    import trimesh  # half a second, which other bodies need not wait for
+
     skeleton, bones = _parsed(path, smooth)
     whole, _ = joined(skeleton.parents, skeleton.rest, np.zeros_like(skeleton.rest))
     meshes, owners = [], []

@@ -5,14 +5,18 @@ from __future__ import annotations
 import hashlib
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
+from scipy.spatial.transform import Rotation
 
 from scarl_sionna.core.errors import SceneError
 
 from .mesh_files import ply_bytes
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = npt.NDArray[np.float64]
 
@@ -106,7 +110,7 @@ def linear_part(transform: ET.Element, path: Path) -> Array:
         elif step.tag == "rotate":
             axis = _vector(step, path, 0.0)
             angle = np.radians(_number(step.get("angle", "0"), path))
-            linear = trimesh.transformations.rotation_matrix(angle, axis)[:3, :3] @ linear
+            linear = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix() @ linear
         elif step.tag == "matrix":
             values = _numbers(step.get("value", ""), path)
             if values.size not in (9, 16):
@@ -123,6 +127,8 @@ def linear_part(transform: ET.Element, path: Path) -> Array:
 
 
 def _body(shape: ET.Element, path: Path) -> trimesh.Trimesh:
+    import trimesh  # half a second, which few scenes need
+
     kind, given = shape.get("type"), {str(child.get("name")): child for child in shape}
     transform = given.get("to_world")
     linear = np.eye(3) if transform is None else linear_part(transform, path)

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 import scenes_xml
 from scarl_sionna.core.errors import ParameterRangeError, SceneError, UnknownNameError
-from scarl_sionna.scene.actors.model import DETAILS
 
 MAP_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml", ".json")
 """Of maps, from which a scene is built: OpenDRIVE, OpenStreetMap, SUMO, nuScenes."""
@@ -39,8 +38,8 @@ def find_scene(
 
     Of a map, only what lies beside the points `around` (N, 2) [m] of a way, where they are given.
     """
-    if detail not in DETAILS:
-        raise UnknownNameError("detail", str(detail), DETAILS)
+    if detail not in scenes_xml.DETAILS:
+        raise UnknownNameError("detail", str(detail), scenes_xml.DETAILS)
     name = str(name_or_path)
     if not isinstance(variant, int) or isinstance(variant, bool) or variant < 0:
         raise ParameterRangeError("variant", repr(variant), "whole numbers from 0")

@@ -9,13 +9,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
 from scarl_sionna.core.errors import MeshError
 from scarl_sionna.core.untrusted.files import MEGABYTE, read_bytes
+
+if TYPE_CHECKING:
+    import trimesh
 
 FARTHEST = 1e6
 """Coordinates beyond it [m] are no place in a scene."""
@@ -240,7 +243,9 @@ def _check_obj(data: bytes) -> None:
 
 def ply_bytes(body: trimesh.Trimesh) -> bytes:
     """Return a binary PLY with shading normals, split at creases."""
-    smooth = trimesh.graph.smooth_shade(body, angle=_CREASE)
+    from trimesh.graph import smooth_shade
+
+    smooth = smooth_shade(body, angle=_CREASE)
     return ply_of(smooth.vertices, smooth.vertex_normals, smooth.faces)
 
 

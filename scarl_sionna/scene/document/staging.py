@@ -14,10 +14,11 @@ import numpy as np
 
 from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.core.prompt.describe import Described
-from scarl_sionna.scene.actors.model import DETAILS, ActorModel, Color, ModelLevel, check_colors, read_actor_model
+from scarl_sionna.scene.actors.model import ActorModel, Color, ModelLevel, check_colors, read_actor_model
 from scarl_sionna.scene.bodies.bending import bending_from_table
 from scarl_sionna.scene.motion.articulation import joints_from_tables, joints_on
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory, expect_trajectory
+from scenes_xml import DETAILS
 
 from .analytic import kept_transform
 from .model import InstanceEntry, MaterialEntry, SceneDocument

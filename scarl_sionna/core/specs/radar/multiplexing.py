@@ -12,7 +12,6 @@ from typing import Annotated, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 from pydantic import BeforeValidator, Field
 
 from scarl_sionna.core.errors import ParameterRangeError, SpecError, did_you_mean
@@ -298,7 +297,9 @@ class Bpm(_Periodic):
 
     def matrix(self, num_tx: int) -> Codes:
         """Return the Hadamard matrix, its columns in the order of transmitters, shape (block_length, block_length)."""
-        natural = scipy.linalg.hadamard(self.block_length or 2 ** int(num_tx).bit_length()).astype(np.complex128)
+        from scipy.linalg import hadamard  # 0.1 s, which a command line need not wait for
+
+        natural = hadamard(self.block_length or 2 ** int(num_tx).bit_length()).astype(np.complex128)
         ones = [column.bit_count() % 2 for column in range(len(natural))]
         return np.asarray(natural[:, np.argsort(ones, kind="stable")])
 

@@ -10,7 +10,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
 from scarl_sionna.core.arrays.rows import row_max, row_norm
 from scarl_sionna.core.pose import Pose
@@ -20,6 +19,7 @@ from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings, SbrLevel
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
+from scarl_sionna.engine.rays.geometry import closest_in_triangles
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity, heard_share
 from scarl_sionna.radar.channel.sbr.cost import patches_in
 from scarl_sionna.radar.optics.patches import PatchSize
@@ -182,8 +182,7 @@ def surface_distance(state: WorldState, number: int, position: Array) -> float:
     center = middle(corners)
     arm, away = row_max(row_norm(corners - center[:, None])), row_norm(center - position)
     corners = corners[away - arm <= (away + arm).min()]  # no others can hold the nearest point
-    nearest = trimesh.triangles.closest_point(corners, np.broadcast_to(position, (len(corners), 3)))
-    return float(np.linalg.norm(nearest - position, axis=1).min())
+    return float(closest_in_triangles(position, corners)[0].min())
 
 
 def world_from_box(state: WorldState, info: InstanceInfo) -> Pose:
