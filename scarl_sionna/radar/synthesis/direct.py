@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.blocks import in_blocks
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from .motion import PathMotion
 from .phase import FrameGrid, beat_cycles, delay_terms, phasor
 
-MAX_CHUNK_VALUES = 2_000_000
-"""Complex values held at once."""
+BLOCK_VALUES = 1 << 13
+"""Samples of a path worked out at once, whole ramps, so that they stay in the cache."""
 
 
 def sum_paths(
@@ -28,13 +29,13 @@ def sum_paths(
     chirp, step = grid.starts(tx), grid.step[:, None]
     out = np.zeros((radar.num_chirps, radar.num_samples), dtype=np.complex128)
     delay, delay_rate, delay_acceleration = delay_terms(length, rate, acceleration)
-    rows = max(1, MAX_CHUNK_VALUES // radar.num_samples)
     for path in range(len(length)):
-        for start in range(0, radar.num_chirps, rows):
-            block = slice(start, start + rows)
-            time = chirp[block, None] + ts[None, :]
+        for block in in_blocks(radar.num_chirps, max(1, BLOCK_VALUES // radar.num_samples)):
+            time = chirp[block, None] + ts
             tau = delay[path] + time * (delay_rate[path] + 0.5 * time * delay_acceleration[path])
-            out[block] += amplitude[path] * phasor(beat_cycles(radar, tau, ts, step[block]))
+            tone = phasor(beat_cycles(radar, tau, ts, step[block]))
+            tone *= amplitude[path]
+            out[block] += tone
     return out
 
 
@@ -47,13 +48,14 @@ def sum_moving(motion: PathMotion, radar: RadarSpec, tx: int, rx: int) -> npt.ND
     ramp, step = grid.starts(tx) + grid.ts_center, grid.step[:, None]
     ts, x = grid.ts_center + grid.x, grid.x
     out = np.zeros((radar.num_chirps, radar.num_samples), dtype=np.complex128)
-    rows = max(1, MAX_CHUNK_VALUES // radar.num_samples)
-    for start in range(0, radar.num_chirps, rows):
-        block = slice(start, start + rows)
-        for path, amplitude in enumerate(motion.of_pair(tx, rx)):
-            (length, rate, bend), strength, growth = motion.select(np.array([path])).terms(tx, rx, ramp[block])
-            tau, turn, curve = delay_terms(length, rate, bend)
-            tau = tau + x * (turn + 0.5 * x * curve)
-            grown = amplitude * strength * (1.0 + growth * x)
-            out[block] += grown * phasor(beat_cycles(radar, tau, ts, step[block]))
+    for path, amplitude in enumerate(motion.of_pair(tx, rx)):
+        (length, rate, bend), strength, growth = motion.select(np.array([path])).terms(tx, rx, ramp)
+        tau, turn, curve = delay_terms(length, rate, bend)
+        start = amplitude * strength
+        grown = start * growth
+        for block in in_blocks(radar.num_chirps, max(1, BLOCK_VALUES // radar.num_samples)):
+            late = tau[block] + x * (turn[block] + 0.5 * x * curve[block])
+            tone = phasor(beat_cycles(radar, late, ts, step[block]))
+            tone *= start[block] + grown[block] * x
+            out[block] += tone
     return out

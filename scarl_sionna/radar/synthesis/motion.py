@@ -115,25 +115,21 @@ class End:
 
     def terms(self, antenna: int | None, times: Array) -> Terms:
         """Return distances with their derivatives, shape (num_times, num_paths) each."""
-        found = Terms(*(np.empty((len(times), len(self.offset))) for _ in range(3)))
-        offset, own = self._axes
-        for row, (time, place, velocity, acceleration) in enumerate(
-            zip(times, *self.arms.motion(antenna, times), strict=True)
-        ):
-            ahead = offset - place[:, None]
-            if time:
-                ahead += time * own
-            moving = own - velocity[:, None] if velocity.any() else own
-            value, rate, bend = (column[row] for column in found)
-            np.sqrt(np.einsum("ip,ip->p", ahead, ahead), out=value)
-            np.einsum("ip,ip->p", moving, moving, out=bend)
-            if acceleration.any():
-                bend -= acceleration @ ahead
-            with np.errstate(divide="ignore", invalid="ignore"):
-                np.divide(np.einsum("ip,ip->p", ahead, moving), value, out=rate)
-                bend -= rate * rate
-                bend /= value
-        return found
+        offset, own = (columns[:, None] for columns in self._axes)
+        place, velocity, acceleration = (moving.T[..., None] for moving in self.arms.motion(antenna, times))
+        ahead = offset - place
+        if times.any():
+            ahead += times[:, None] * own
+        moving = own - velocity if velocity.any() else own
+        value = np.sqrt(np.einsum("itp,itp->tp", ahead, ahead))
+        bend = np.broadcast_to(np.einsum("itp,itp->tp", moving, moving), value.shape).copy()
+        if acceleration.any():
+            bend -= np.einsum("itp,itp->tp", np.broadcast_to(acceleration, ahead.shape), ahead)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = np.einsum("itp,itp->tp", ahead, np.broadcast_to(moving, ahead.shape)) / value
+            bend -= rate * rate
+            bend /= value
+        return Terms(value, rate, bend)
 
     def rates(self, distance: Array, block: slice) -> Array:
         """Return the rates at time 0 of distances of some paths to all antennas, (num_antennas, num_paths), [m/s]."""
