@@ -7,7 +7,7 @@ import pytest
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.synthesis import chirpz, direct
-from scarl_sionna.radar.synthesis.spreading import GUARD, LOOSE, Strips
+from scarl_sionna.radar.synthesis.spreading import GUARD, LOOSE, Spreader, Strips, along
 
 RADAR = RadarSpec().with_(num_chirps=128)
 TOLERANCE = 1e-4
@@ -95,3 +95,13 @@ def test_strips_hold_their_points_and_cover_all_cells():
         late = column.copy()
         late[slices[3].stop - 1] = GUARD + 3 * strips.width - aside
         assert (strips.slices(late) is not None) == held
+
+
+@pytest.mark.parametrize(("num_samples", "num_chirps"), [(512, 256), (64, 1), (5, 3)])
+def test_a_kernel_over_samples_and_chirps_is_that_of_each(num_samples: int, num_chirps: int) -> None:
+    kernel = Spreader("complex128", 1e-9, 2.0).kernel_transform()
+    x = (np.arange(num_samples) - (num_samples - 1) / 2.0) * 5e-8
+    y = (np.arange(num_chirps) - (num_chirps - 1) / 2.0) * 6e-5
+    stretch = (1.0 + 0.006 * x / x[-1]) * 0.25 / (x[-1] + y[-1])
+    expected = kernel((x[:, None] + y) * stretch[:, None])
+    np.testing.assert_allclose(along(kernel, x, stretch, y), expected, rtol=1e-12)

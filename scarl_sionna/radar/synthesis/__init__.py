@@ -176,9 +176,13 @@ def alone(
     make = partial(_of_symbols, codes=codes) if is_coded(radar.waveform) else _of_ramps
     if isinstance(radar.waveform, PcFmcw):
         make = _of_coded_ramps
-    for senders, alike in _by_band(radar):
-        for first, signal in make(paths, alike, tolerance, accuracy.motion_tolerance):
-            _add(adc, radar, signal, first, senders)
+    workers = min(usable_cores(), radar.num_tx * radar.num_rx, MAX_THREADS)
+    with ThreadPoolExecutor(workers) as pool:
+        for senders, alike in _by_band(radar):
+            pairs = [(tx, rx) for tx in senders for rx in range(radar.num_rx)]
+            for first, signal in make(paths, alike, tolerance, accuracy.motion_tolerance):
+                # pairs write to rows of their own, so the bytes do not depend on the order
+                list(pool.map(partial(_add, adc, radar, signal, first), pairs))
     _warn_of_more_than_sent(adc, radar)
     return adc
 
@@ -356,21 +360,12 @@ def _of_center(paths: RadarPaths, radar: RadarSpec, transform: groups.Method | N
     return of_pair
 
 
-def _add(adc: npt.NDArray[np.complex64], radar: RadarSpec, signal: Signal, first: int, senders: Sequence[int]) -> None:
-    """Add the signals of all pairs of some transmitters to `adc`, from some chirp on."""
-
-    def add_pair(pair: tuple[int, int]) -> None:
-        tx, rx = pair
-        values = signal(tx, rx)
-        ramp = first * radar.num_tx + tx
-        adc[rx, ramp : ramp + len(values) * radar.num_tx : radar.num_tx] += values
-
-    pairs = [(tx, rx) for tx in senders for rx in range(radar.num_rx)]
-    workers = min(usable_cores(), len(pairs), MAX_THREADS)
-    with ThreadPoolExecutor(
-        workers
-    ) as pool:  # pairs write to rows of their own, so the bytes do not depend on the order
-        list(pool.map(add_pair, pairs))
+def _add(adc: npt.NDArray[np.complex64], radar: RadarSpec, signal: Signal, first: int, pair: tuple[int, int]) -> None:
+    """Add the signal of a pair to `adc`, from some chirp on."""
+    tx, rx = pair
+    values = signal(tx, rx)
+    ramp = first * radar.num_tx + tx
+    adc[rx, ramp : ramp + len(values) * radar.num_tx : radar.num_tx] += values
 
 
 __all__ = ["synthesize"]

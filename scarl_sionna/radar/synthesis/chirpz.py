@@ -29,7 +29,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .phase import FrameGrid, delay_terms, outer_phasor, phasor
-from .spreading import GUARD, KERNEL_CELLS, Spreader, Strips
+from .spreading import GUARD, KERNEL_CELLS, Spreader, Strips, along
 
 Array = npt.NDArray[np.float64]
 
@@ -140,13 +140,8 @@ class Layout:
         x, q = float(grid.x[-1]), float(grid.x[-1] + grid.y[-1])
         phases = {
             "migration": 2.0 * np.pi * migration * x * q,
-            "square": 0.5
-            * np.pi
-            * sweep.video
-            * abs(sweep.slope)
-            * squared[1]
-            * q
-            * q,  # q squared is taken about its middle
+            # q squared is taken about its middle
+            "square": 0.5 * np.pi * sweep.video * abs(sweep.slope) * squared[1] * q * q,
         }
         budget = PHASE_SHARE * tolerance - 0.5 * sum(phases.values()) ** 2
         terms: list[str] = []
@@ -340,7 +335,8 @@ class Transform:
             spreader = self._spreaders.get(name, self._spreaders[""])
             if spreader not in known:
                 kernel = spreader.kernel_transform()
-                known[spreader] = base / (kernel(mode / layout.strips.rows)[:, None] * kernel(layout.cell * slow))
+                over_slow = along(kernel, self._grid.x, layout.cell * stretch, self._grid.y)
+                known[spreader] = base / (kernel(mode / layout.strips.rows)[:, None] * over_slow)
             values = known[spreader] * (1j * factors[name]) if name else known[spreader]
             screens.append(values.astype(self._dtype))
         return screens

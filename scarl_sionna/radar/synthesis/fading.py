@@ -58,10 +58,11 @@ class Fading:
             return None
         times = radar.frame_time * np.arange(1, NUM_TIMES + 1) / NUM_TIMES
         some = paths.select(rows)
-        start = _gain(some, radar, 0.0)
+        ends = _ends(some)
+        start = _gain(some, ends, radar, 0.0)
         values = np.empty((NUM_TIMES, len(rows)), dtype=np.complex128)
         for value, time in zip(values, times, strict=True):
-            gain = np.divide(_gain(some, radar, time), start, out=np.ones(len(rows)), where=start > 0.0)
+            gain = np.divide(_gain(some, ends, radar, time), start, out=np.ones(len(rows)), where=start > 0.0)
             value[:] = gain * np.conj(over_time(some, time))
         terms = np.zeros((NUM_TIMES, paths.num_paths), dtype=np.complex128)
         terms[:, rows] = np.linalg.solve(times[:, None] ** np.arange(1, NUM_TIMES + 1), values - 1.0)
@@ -104,10 +105,19 @@ def fading_from(paths: RadarPaths, time: float) -> Complex | None:
     return np.divide(terms, value, out=np.zeros_like(terms), where=value != 0.0)
 
 
-def _ends(paths: RadarPaths) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Return the vectors to the ends of paths, and their velocities, of paths of mirrors those of the other end."""
+_Ends = tuple[tuple[Array, Array], tuple[Array, Array]]
+
+
+def _ends(paths: RadarPaths) -> _Ends:
+    """Return the vectors to the ends of paths, and their velocities, of paths of mirrors those of the other end.
+
+    What both ends have alike is one array.
+    """
     offsets = paths.end_vectors()
-    sent, heard = (np.nan_to_num(paths.filled(f"{end}_velocity"), nan=0.0) for end in ("tx", "rx"))
+    sent, heard = (paths.filled(f"{end}_velocity") for end in ("tx", "rx"))
+    alike = offsets[0] is offsets[1] and np.array_equal(sent, heard, equal_nan=True)
+    sent = np.nan_to_num(sent, nan=0.0)
+    heard = sent if alike else np.nan_to_num(heard, nan=0.0)
     mirror = paths.is_mirror_chain
     if mirror.any():
         turn, velocity = paths.filled("rx_image")[mirror, :, :3], heard[mirror]
@@ -116,11 +126,18 @@ def _ends(paths: RadarPaths) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     return offsets, (sent, heard)
 
 
-def _gain(paths: RadarPaths, radar: RadarSpec, time: float) -> Array:
-    """Return what antennas receive of the transfer at the frame's start in the directions at a time [sqrt(W)]."""
-    local = []
-    frames = (paths.world_from_tx, paths.tx_twist), (paths.world_from_rx, paths.rx_twist)
-    for offset, velocity, (pose, twist) in zip(*_ends(paths), frames, strict=True):
-        back = Rotation.from_rotvec(-twist.angular * time)
-        local.append(back.apply(offset + time * velocity) @ pose.rotation)
-    return np.abs(received_amplitude(paths.a, local[0], local[1], radar))
+def _gain(paths: RadarPaths, ends: _Ends, radar: RadarSpec, time: float) -> Array:
+    """Return what antennas receive of the transfer at the frame's start in the directions at a time [sqrt(W)].
+
+    `ends` as :func:`_ends` gives them.
+    """
+    (sent, heard), (leaving, coming) = ends
+    turns = (
+        Rotation.from_rotvec(-twist.angular * time).as_matrix().T @ pose.rotation
+        for pose, twist in ((paths.world_from_tx, paths.tx_twist), (paths.world_from_rx, paths.rx_twist))
+    )
+    tx_turn, rx_turn = turns
+    tx_vector = (sent + time * leaving) @ tx_turn
+    alike = sent is heard and leaving is coming and np.array_equal(tx_turn, rx_turn)
+    rx_vector = tx_vector if alike else (heard + time * coming) @ rx_turn
+    return np.abs(received_amplitude(paths.a, tx_vector, rx_vector, radar))

@@ -23,6 +23,8 @@ MAX_CHIRPZ_PATHS = 2_000_000
 """Likewise by the chirp-z method, which has no more than some columns of them in memory."""
 MAX_BINS = 16
 """Most velocity bins tried."""
+_FINEST = 720720
+"""Intervals of the velocities of which every number of bins up to `MAX_BINS` is made."""
 MAX_TERMS = 24
 """Longest series; a group of paths that needs more is split. Bounds the memory: a term's screen has the frame's
 size."""
@@ -151,17 +153,18 @@ def _velocity_bins(radar: RadarSpec, rate: Array, tolerance: float) -> list[Inde
     low, span = float(rate.min()), float(np.ptp(rate))
     half_phase = np.pi * np.abs(FrameGrid(radar).residual_cycles(span / SPEED_OF_LIGHT, 0.0, True)).max()
     fft = radar.num_samples * radar.num_chirps * FFT_COST
-    best_cost, best = np.inf, np.zeros(len(rate), dtype=np.intp)
+    occupied = np.zeros(_FINEST, dtype=np.bool_)
+    fine = ((rate - low) * (_FINEST / span if span > 0 else 0.0)).astype(np.intp)
+    occupied[np.minimum(fine, _FINEST - 1)] = True
+    best_cost, best = np.inf, 1
     for count in range(1, MAX_BINS + 1):
-        index = np.zeros_like(best)
-        if span > 0:
-            index = np.minimum(((rate - low) * (count / span)).astype(np.intp), count - 1)
-        used = np.count_nonzero(np.bincount(index, minlength=count))
+        used = np.count_nonzero(occupied.reshape(count, -1).any(axis=1))
         terms = nufft.num_nodes(half_phase / count, nufft.SERIES_SHARE * tolerance)
         cost = terms * (len(rate) * SPREAD_COST + used * fft)
         if cost < best_cost:
-            best_cost, best = cost, index
+            best_cost, best = cost, count
         if terms <= 2:
             break
-    order = np.argsort(best, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(best[order])) + 1)
+    index = np.minimum(fine // (_FINEST // best), best - 1).astype(np.uint16)  # sorted by counting
+    order = np.argsort(index, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(index[order])) + 1)

@@ -316,8 +316,9 @@ class _Group:
             rows = np.stack([amplitude * found[order] for order in terms])
             out = next(_signals(main, rows[:1], tones, block.radar, tx))
             if len(terms) > 1:
-                others = _signals(rest, rows[1:], tones, block.radar, tx)
-                out = out + sum(part * screen for part, screen in zip(others, screens, strict=True))
+                for part, screen in zip(_signals(rest, rows[1:], tones, block.radar, tx), screens, strict=True):
+                    part *= screen.astype(part.real.dtype, copy=False)
+                    out += part
             return out
 
         return of_pair

@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from .nufft import Chebyshev, num_nodes
+
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complexfloating]
 
@@ -67,6 +69,23 @@ class Spreader:
             offset = used - KERNEL_CELLS // 2 - shift / KERNEL_SHIFTS
             total += np.cos(2.0 * np.pi * turns[:, None] * offset) @ samples[used]
         return CubicSpline(turns, total / KERNEL_SHIFTS)
+
+
+def along(kernel: CubicSpline, x: Array, stretch: Array, y: Array) -> Array:
+    """Return a kernel's transform at (x + y) times the stretch [turns a cell], shape (len(x), len(y)).
+
+    `x` is even about 0 and the stretch a straight line over it: the transform is worked out at some x, and from there
+    by polynomials, to 1e-13.
+    """
+    edge = x[[0, -1]]
+    ends = (edge[:, None] + y) * stretch[[0, -1], None]
+    half = 0.5 * float(np.abs(ends[1] - ends[0]).max())
+    series = Chebyshev(float(edge[0]), float(edge[1]), num_nodes(2.0 * np.pi * GUARD * half, 1e-13))
+    if series.count >= len(x):
+        return np.asarray(kernel((x[:, None] + y) * stretch[:, None]))
+    nodes = series.nodes
+    values = kernel((nodes[:, None] + y) * np.interp(nodes, x, stretch)[:, None])
+    return np.asarray(series.polynomials(x).T @ (series.coefficients @ values))
 
 
 @dataclass(frozen=True)
