@@ -1,11 +1,14 @@
 """Error and CPU seconds of knobs that no work-precision chart has as its axis, a table each.
 
-    python benchmarks/knobs.py cells|probes|returns|mirrors|drops ...
+    python benchmarks/knobs.py cells|drafts|probes|returns|corners|mirrors|drops ...
 
 cells     `RaycastSettings.cells_per_resolution` and `widest_cosine`: expected power in a range-azimuth map against
           every hit of the same rays, so this is the error of thinning alone
+drafts    the same map of 250,000 rays, thinned in several ways, against 2,000,000 rays with every hit
 probes    `AutoSettings.num_probes`: objects that are seen or hidden otherwise than by 16,384 probes
 returns   `SbrSettings.return_angle`: echo of objects within 40 m against all tubes, at the level of 1 dB
+corners   `SbrSettings.corner_share` and `bisections` at the levels of 6 and 3 dB: by how far echoes within 18 m change,
+          and how far the level is from that of 1 dB (median), three bounces; bounded at 40 dB
 mirrors   `MirrorSettings.max_mirrors`: power of cars (3GPP models) seen through mirrors against 32 of them, in range
           bins of 1 m, at most 30 dB off a bin
 drops     `WeatherEchoSettings.num_points`: contrast of a range-Doppler cell, 1 for speckle
@@ -32,13 +35,14 @@ import scarl_sionna as ss
 from benchmarks.whole_streets import echoes
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.channel import plan_channel
-from scarl_sionna.radar.channel.compose.budget import Surface
+from scarl_sionna.radar.channel.compose.budget import Surface, sbr_settings
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.reflections import sights
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.weather.clutter import VolumeSampling, volume_clutter
 
 PLACES = ("highway_guardrail", "urban_crossing")
+DRAFT_PLACES = ("highway_guardrail", "urban_crossing", "country_road", "roundabout", "motorway", "tunnel")
 MIRROR_PLACES = ("urban_crossing", "motorway", "tunnel", "signalised_crossing")
 RADAR = ss.RadarSpec.preset("awr1843boost")
 
@@ -75,6 +79,57 @@ def cells() -> None:
                 f"| {name} | {fine:g} | {wide:g} | {rms:.3f} | {most:.2f} | {paths.num_paths:,} | {cpu:.2f} |",
                 flush=True,
             )
+
+
+def drafts() -> None:
+    print("| place | cells per resolution, hits a cell | error rms [dB] | 95 % below [dB] | paths |")
+    print("|---|---|---|---|---|")
+    for name in DRAFT_PLACES:
+        state, mount = place(name)
+        every = ss.solve_paths(state, RADAR, mount, "raycast", num_rays=2_000_000, hits_per_cell=None)
+        whole = expected_map(every, RADAR)
+        loud = whole > whole.max() * 1e-6
+        for fine, hits in ((2.0, None), (2.0, 8), (1.0, 16), (1.0, 8), (1.0, 4)):
+            knobs = ss.RaycastSettings(num_rays=250_000, cells_per_resolution=fine, hits_per_cell=hits)
+            paths = ss.solve_paths(state, RADAR, mount, settings=knobs)
+            ratio = np.maximum(expected_map(paths, RADAR)[loud] / whole[loud], 1e-4)
+            error = np.abs(10.0 * np.log10(ratio))
+            rms, most = np.sqrt(np.mean(error**2)), np.percentile(error, 95)
+            print(f"| {name} | {fine:g}, {hits} | {rms:.3f} | {most:.2f} | {paths.num_paths:,} |", flush=True)
+
+
+def corners() -> None:
+    print(
+        "| place | level [dB] | corner_share, bisections | echoes change, median and most [dB] | off by | CPU ratio |"
+    )
+    print("|---|---|---|---|---|---|")
+    levels = {level.tolerance_db: sbr_settings(level).with_(max_depth=3) for level in ss.AutoSettings().levels}
+    for name in DRAFT_PLACES:
+        state, mount = place(name)
+        own = [info.instance for info in state.world.instances.values() if info.actor == state.world.ego is not None]
+        scatter = [number for number, info in state.world.instances.items() if info.is_object or info.actor is not None]
+        bodies = tuple(sorted(set(scatter) - set(own)))
+
+        def found(knobs: SbrSettings) -> tuple[dict[int, float], float]:
+            asked = {"sbr": knobs, "instances": bodies}  # noqa: B023
+            start = time.process_time()
+            paths = ss.solve_paths(state, RADAR, mount, "sbr", **asked, **ANY_COST, max_distance=18.0)  # noqa: B023
+            return echoes(paths, list(bodies), RADAR), time.process_time() - start  # noqa: B023
+
+        finest, _ = found(levels[1.0])
+        loud = [number for number, power in finest.items() if power > max(finest.values()) - 40.0]
+
+        def apart(one: dict[int, float], other: dict[int, float]) -> np.ndarray:
+            return np.minimum(np.abs([one[number] - other[number] for number in loud]), 40.0)  # noqa: B023
+
+        for level in (6.0, 3.0):
+            before, seconds = found(levels[level].with_(corner_share=0.125, bisections=9))
+            off = np.median(apart(before, finest))
+            for share, steps in ((0.25, 9), (0.5, 9), (0.125, 6), (0.5, 6)):
+                after, cpu = found(levels[level].with_(corner_share=share, bisections=steps))
+                change = apart(after, before)
+                cells = f"{share:g}, {steps} | {np.median(change):.2f}, {change.max():.2f} | {off:.2f}"
+                print(f"| {name} | {level:g} | {cells} | {cpu / seconds:.2f} |", flush=True)
 
 
 def probes() -> None:
@@ -172,4 +227,5 @@ if __name__ == "__main__":
     warnings.simplefilter("ignore")
     print(machine())
     for asked in sys.argv[1:]:
-        {"cells": cells, "probes": probes, "returns": returns, "mirrors": mirrors, "drops": drops}[asked]()
+        tables = (cells, drafts, probes, returns, corners, mirrors, drops)
+        {table.__name__: table for table in tables}[asked]()

@@ -131,6 +131,10 @@ def test_coarser_knobs_are_nowhere_finer_and_keep_the_bounces() -> None:
     found = coarser(own, level)
     assert (found.max_depth, found.max_phase, found.max_turn, found.return_angle) == (2, level.max_phase, None, 0.1)
     assert coarser(found, AutoSettings().levels[-1]) == found
+    coarsest = AutoSettings().levels[0]
+    found = coarser(own, coarsest)
+    assert (found.corner_share, found.bisections) == (coarsest.corner_share, coarsest.bisections) == (0.5, 6)
+    assert coarser(own.with_(corner_share=1.0, bisections=3), coarsest).bisections == 3
 
 
 def test_budgets_change_no_path_of_what_is_within_them(state) -> None:

@@ -13,7 +13,7 @@ from pydantic import Field, field_validator, model_validator
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Decibels, Metres, Seconds, Unit
 
-from .sbr import SMALLEST_SIZE, Wavelengths
+from .sbr import SCENE_BISECTIONS, SMALLEST_SIZE, Wavelengths
 
 BOUNCE_ERRORS = {6.0: 1.0, 3.0: 0.06, 1.0: 0.05, 0.3: 0.02}
 """Relative error of bounces between objects by tolerance [dB]: a ratio; docs/accuracy.md, expected error."""
@@ -31,6 +31,8 @@ class SbrLevel(Spec):
     sheet_share: float = Field(0.15, gt=0.0, le=64.0, description="as in SbrSettings: a ratio")
     narrow_share: float = Field(1.0 / 12.0, gt=0.0, le=1.0, description="as in SbrSettings: a ratio")
     narrow_shadows: bool = Field(True, description="as in SbrSettings")
+    corner_share: float = Field(0.125, gt=0.0, le=1.0, description="as in SbrSettings: a ratio")
+    bisections: int = Field(SCENE_BISECTIONS, ge=1, le=24, description="as in SbrSettings")
     return_angle: Annotated[float, Unit("rad")] | None = Field(
         None, gt=0.0, le=math.pi, description="as in SbrSettings [rad]"
     )
@@ -212,6 +214,8 @@ class AutoSettings(Spec):
                 return_angle=0.3,
                 narrow_share=1.0 / 3.0,
                 narrow_shadows=False,
+                corner_share=0.5,
+                bisections=6,
                 max_depth=5,
                 growth=25.0,
                 patch_error=0.4,

@@ -126,9 +126,10 @@ class RadarSettings(Spec):
     def preset(cls, quality: str) -> RadarSettings:
         """Return the settings of a quality.
 
-        ``"full"`` states the default tolerance and numbers of rays and tubes, ``"draft"`` a quarter of the rays, 3.5 %
-        of the tubes, and the tolerance of the coarsest level of `auto`, 6 dB, without its second look: so few tubes pay
-        for no more (docs/radar_settings.md, draft). Nothing else is set.
+        ``"full"`` states the default tolerance and numbers of rays and tubes, ``"draft"`` a quarter of the rays, their
+        hits thinned by whole cells of resolution, 3.5 % of the tubes, and the tolerance of the coarsest level of
+        `auto`, 6 dB, without its second look: so few tubes pay for no more (docs/radar_settings.md, draft). Nothing
+        else is set.
 
         Raises
         ------
@@ -139,7 +140,7 @@ class RadarSettings(Spec):
             raise UnknownNameError("quality", quality, QUALITIES)
         if quality == "draft":
             return cls(
-                raycast=RaycastSettings(num_rays=250_000),
+                raycast=RaycastSettings(num_rays=250_000, cells_per_resolution=1.0),
                 accuracy=Accuracy(tube_budget=35_000, channel_tolerance_db=6.0),
                 auto=AutoSettings(look_share=0.0),
             )

@@ -142,7 +142,9 @@ def with_knobs(bodies: Bodies, knobs: SbrSettings) -> Bodies:
 
 def coarser(knobs: SbrSettings, level: SbrLevel) -> SbrSettings:
     """Return knobs of `sbr` that are nowhere finer than a level of `auto`; the number of bounces stays."""
+    knobs = knobs.for_scene()
     turn = knobs.max_turn
+    assert knobs.bisections is not None  # of a scene
     angles = [angle for angle in (knobs.return_angle, level.return_angle) if angle is not None]
     return knobs.with_(
         max_phase=max(knobs.max_phase, level.max_phase),
@@ -151,6 +153,8 @@ def coarser(knobs: SbrSettings, level: SbrLevel) -> SbrSettings:
         sheet_share=max(knobs.sheet_share, level.sheet_share),
         narrow_share=max(knobs.narrow_share, level.narrow_share),
         narrow_shadows=knobs.narrow_shadows and level.narrow_shadows,
+        corner_share=max(knobs.corner_share, level.corner_share),
+        bisections=min(knobs.bisections, level.bisections),
         max_turn=None if turn is None else max(turn, level.max_phase),
         return_angle=min(angles, default=None),
     )
