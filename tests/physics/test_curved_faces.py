@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import ConvexHull
+from threadpoolctl import threadpool_limits
 
 import scarl_sionna as ss
 from scarl_sionna.calibration import CalibrationProblem, ForwardModel, FreeParameter, MeshRcs
@@ -363,3 +364,15 @@ def test_faces_too_large_for_a_curve_are_named(tmp_path):
         assert any("'bollard' (16 faces)" in text and "flat ones" in text for text in said) is warned
     with pytest.warns(ScarlWarning, match="16 of 32 faces"):
         ss.rcs(trimesh.util.concatenate([post(0.13, 8)]), F77, np.pi / 2.0, 0.0)
+
+
+def test_normals_of_large_meshes_are_the_same_with_any_number_of_blas_threads() -> None:
+    """A norm of more than 10,000 numbers is summed up in as many parts as there are threads."""
+    ball = trimesh.creation.icosphere(subdivisions=5)
+    moved = ball.vertices * [1.0, 0.6, 0.4] + np.random.default_rng(0).normal(0.0, 2e-4, ball.vertices.shape)
+    found = []
+    for threads in (1, 2):
+        with threadpool_limits(threads, user_api="blas"):
+            surface = mesh_surface(moved[ball.faces], np.zeros(len(ball.faces), dtype=np.int64), 0.5)
+        found.append(b"".join(np.ascontiguousarray(column).tobytes() for column in vars(surface).values()))
+    assert found[0] == found[1]

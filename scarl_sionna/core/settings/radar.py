@@ -145,7 +145,9 @@ class RadarSettings(Spec):
                 auto=AutoSettings(look_share=0.0),
             )
         return cls(
-            raycast=RaycastSettings(num_rays=RaycastSettings().num_rays),
+            raycast=RaycastSettings(
+                num_rays=RaycastSettings().num_rays, cells_per_resolution=RaycastSettings().cells_per_resolution
+            ),
             accuracy=Accuracy(tube_budget=Accuracy().tube_budget, channel_tolerance_db=Accuracy().channel_tolerance_db),
             auto=AutoSettings(look_share=AutoSettings().look_share),
         )

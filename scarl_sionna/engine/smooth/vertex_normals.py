@@ -16,6 +16,8 @@ import numpy.typing as npt
 from scipy.sparse import csr_array, diags_array, vstack
 from scipy.sparse.linalg import lsqr
 
+from scarl_sionna.core.cores import one_blas_thread
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
@@ -98,7 +100,9 @@ def _step(spokes: _Spokes, normal: Array, held: Mask) -> Array:
     now = np.concatenate([odd @ bends.value(4.0, -2.0), even * bends.value(6.0, -6.0), np.zeros(len(stiff))])
     length = np.sqrt(np.asarray(whole.multiply(whole).sum(axis=0)).ravel())
     scale = np.where(np.repeat(held, 2), 0.0, 1.0 / length)
-    moved = scale * lsqr(whole.multiply(scale[None]).tocsr(), -now, atol=ACCURACY, btol=ACCURACY, iter_lim=STEPS)[0]
+    with one_blas_thread():  # same bytes for any number
+        found = lsqr(whole.multiply(scale[None]).tocsr(), -now, atol=ACCURACY, btol=ACCURACY, iter_lim=STEPS)
+    moved = scale * found[0]
     result = normal + np.einsum("nk,nki->ni", moved.reshape(-1, 2), frame)
     return np.asarray(result / np.linalg.norm(result, axis=1, keepdims=True))
 
