@@ -138,3 +138,19 @@ def test_a_gentle_bend_is_no_end(tmp_path, bend: float, free: bool) -> None:
 def test_a_reach_below_nothing_is_refused() -> None:
     with pytest.raises(ScarlError, match="end_reach"):
         MirrorSettings.of(end_reach=-1.0)
+
+
+def test_points_far_from_free_edges_are_left_out_before_they_are_compared(tmp_path, monkeypatch) -> None:
+    """Of points on and around two roads, up to a grazing ray, as many go on with and without."""
+    road = plane(10.0, 4.0, (5, 0, 0)), plane(10.0, 4.0, (17, 0, 0))
+    ends = ends_of(tmp_path, [Thing(f"road {k}", mesh, "Roads", is_object=False) for k, mesh in enumerate(road)])
+    rng, count = np.random.default_rng(0), 20_000
+    point = np.column_stack([rng.uniform(-3.0, 25.0, count), rng.uniform(-6.0, 6.0, count), np.zeros(count)])
+    ray = rng.normal(size=(count, 3)) * [1.0, 1.0, 0.1]
+    ray /= np.linalg.norm(ray, axis=1)[:, None]
+    at = Reflections(rng.integers(2, size=count), point, ray, rng.uniform(0.02, 5.0, count))
+    found = ends.goes_on(at)
+    assert 0.01 < found.mean() < 0.5
+    assert 0.1 < np.mean([ends._may_reach(k, ends._outline(k), at).mean() for k in (0, 1)]) < 0.9
+    monkeypatch.setattr(MirrorEnds, "_may_reach", lambda self, number, outline, at: np.ones(len(at.mirror), np.bool_))
+    np.testing.assert_array_equal(ends.goes_on(at), found)

@@ -7,7 +7,15 @@ import pytest
 import trimesh
 
 from scarl_sionna.engine.load import load_scene
-from scarl_sionna.radar.channel.compose.mirrors import Mirror, find_mirrors, mirrored, reaches, ways
+from scarl_sionna.radar.channel.compose.mirrors import (
+    Mirror,
+    _Planes,
+    faces_towards,
+    find_mirrors,
+    mirrored,
+    reaches,
+    ways,
+)
 from tests.scenes import Thing, plane, write_scene
 
 WAVELENGTH = 0.004
@@ -85,3 +93,44 @@ def test_flat_regions_wider_than_their_fresnel_zone_are_mirrors_the_largest_firs
             place * mirror.normal[axis]
         )
         assert np.abs(mirror.height(mirror.corners)).max() < 1e-6
+
+
+def facets(seed: int, count: int = 300) -> trimesh.Trimesh:
+    """Return triangles of many sizes, each in a plane of its own, around a place that is not the radar's."""
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.uniform(-1.5, 1.0, (count, 1, 1))
+    corners = rng.uniform(-30.0, 30.0, (count, 1, 3)) + [35.0, 0.0, 0.0] + size * rng.normal(size=(count, 3, 3))
+    return trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), process=False)
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    """One body of facets that stands still, one that an actor carries."""
+    moving = Thing("moving", facets(1), "Car", trajectory={"kind": "static", "position": [1.0, 2.0, 0.0]})
+    path = write_scene(tmp_path_factory.mktemp("many"), [Thing("still", facets(0), "Wall")], [moving])
+    return load_scene(path).at(0.0)
+
+
+@pytest.mark.parametrize("asked", [[1], [2], [1, 2]])
+def test_planes_are_sorted_out_by_their_boxes_alone_where_they_are_too_small(many, asked) -> None:
+    planes, rows = _Planes.of(many, asked)
+    corners = many._triangles.of_parts([part for number in asked for part in many.world.instances[number].parts])
+    assert len(rows) == len(corners) and np.all(np.diff(planes.area[rows]) <= 0.0)
+    found, zone = planes.larger_than_zone(rows, many._triangles, HERE, WAVELENGTH)
+    nearest = np.linalg.norm(corners - HERE, axis=2).min(axis=1)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
+    large = area >= 2.0 * WAVELENGTH * nearest
+    assert 0.1 < large.mean() < 0.9
+    expected = np.flatnonzero(large)[np.argsort(-area[large], kind="stable")]
+    np.testing.assert_allclose(planes.area[found], area[expected], rtol=1e-12)
+    np.testing.assert_allclose(zone, np.sqrt(2.0 * WAVELENGTH * nearest[expected]), rtol=1e-12)
+
+
+def test_the_largest_planes_towards_boxes_are_the_first_of_all(many, monkeypatch) -> None:
+    boxes = [np.array([[20.0, 5.0, 1.0]]) + np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])]
+    every = faces_towards(many, [1], HERE, boxes, 0.1, 1000)
+    assert 8 < len(every) < 300
+    monkeypatch.setattr("scarl_sionna.radar.channel.compose.mirrors._COMPARED", 7)
+    for most in (1, 5, len(every) + 1):
+        np.testing.assert_array_equal(faces_towards(many, [1], HERE, boxes, 0.1, most), every[:most])
+    assert not len(faces_towards(many, [1], HERE, [], 0.1, 5))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scarl_sionna.core.arrays.rows import row_all, row_any, row_cross, row_max, row_min, row_norm
+from scarl_sionna.core.arrays.rows import row_all, row_any, row_cross, row_dots, row_max, row_min, row_norm
 
 
 @pytest.mark.parametrize("shape", [(1000, 3), (0, 3), (50, 4, 3), (20, 1)])
@@ -21,6 +21,9 @@ def test_bytes_are_those_of_numpy(shape: tuple[int, ...]) -> None:
     if shape[-1] == 3:
         other = rng.normal(size=shape)
         assert row_norm(values).tobytes() == np.linalg.norm(values, axis=-1).tobytes()
+        flat, turned = values.reshape(-1, 3), other.reshape(-1, 3)[::-1][:40]
+        expected = (flat[:, None] * turned).sum(axis=2)
+        np.testing.assert_array_equal(row_dots(flat, turned), expected)
         assert row_cross(values, other).tobytes() == np.cross(values, other).tobytes()
     np.testing.assert_array_equal(values, kept)  # none works in place
 

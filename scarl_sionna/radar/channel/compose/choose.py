@@ -118,7 +118,7 @@ class View:
             served = [item for item in self.items if self._is_body(item) and item.number not in flat]
             boxes = [box_points(self.state, item.number) for item in served if item.distance < self.reach]
             grounds = flat | {item.number for item in self.items if item.number in chosen and not self._is_body(item)}
-            more = faces_towards(self.state, sorted(grounds), place, boxes, self.tail)[: rules.mirror_candidates]
+            more = faces_towards(self.state, sorted(grounds), place, boxes, self.tail, rules.mirror_candidates)
             found = find_mirrors(self.state, chosen, place, self.radar.wavelength, knobs, more)
         wide = [mirror for mirror in found if mirror.extent > rules.smallest_mirror]
         return [replace(mirror, number=place) for place, mirror in enumerate(wide)]

@@ -4,27 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.arrays.rows import row_all, row_any, row_cross, row_min, row_norm
+from scarl_sionna.core.arrays.rows import row_all, row_any, row_cross, row_dots, row_min, row_norm
 from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS, MirrorSettings
 from scarl_sionna.engine.paths.tracing import mirror_extent
 from scarl_sionna.engine.rays.face_planes import FaceTable, face_table
+from scarl_sionna.engine.rays.geometry import Triangles
 from scarl_sionna.radar.channel.multipath.images import Chain
 
 if TYPE_CHECKING:
-    from scarl_sionna.engine.world import WorldState
+    from scarl_sionna.engine.world import World, WorldState
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 _WIDE_BOX = 1.5
 """Boxes that reach farther from their middle [m] are looked at more closely: decides the time, no accuracy."""
 _COMPARED = 1 << 18
 """Planes and points that are compared in one piece: bounds the memory, changes no result."""
+_ROUNDING = 1e-9
+"""Of areas, relative."""
 PRESELECTION_MARGIN = 0.1
 """Mirrors' boxes are widened by this part of their extent where ways are sorted out before they are traced: decides no
 accuracy."""
@@ -111,38 +116,39 @@ def find_mirrors(
     The zone is that of a scatterer as far behind the mirror as the radar is before it, at the mirror's nearest corner:
     ``sqrt(2 wavelength d)``. Nearer scatterers have a smaller one.
     """
-    planes = _Planes.of(state, instances, position)
-    faces, chosen, group, corners = planes.table, planes.face, planes.group, planes.corners
-    triangles = faces.triangles
+    table, (planes, rows) = face_table(state), _Planes.of(state, instances)
+    triangles = table.triangles
     found: list[Mirror] = []
-    zone = np.sqrt(2.0 * wavelength * planes.nearest)
-    taken, of_part = np.zeros(len(chosen), dtype=np.bool_), faces.part[chosen]
-    large = planes.area >= zone**2
-    named = np.isin(np.arange(len(zone)), group[np.isin(chosen, more)])
-    by_size = np.argsort(-planes.area, kind="stable")
-    by_size = by_size[large[by_size]]
-    for number in [*by_size, *by_size[named[by_size]]]:
-        if len(found) >= knobs.max_mirrors and not named[number]:
+    taken = ~row_any(triangles.normal)  # faces without area are no part of any
+    large, zone = planes.larger_than_zone(rows, triangles, position, wavelength)
+    named = np.isin(planes.number[large], table.plane[np.asarray(more, dtype=np.int64)])
+    for row in [*range(len(large)), *np.flatnonzero(named).tolist()]:
+        if len(found) >= knobs.max_mirrors and not named[row]:
             continue
-        if taken[member := group == number].all():
+        if taken[planes.faces(large[row])].all():
             continue
-        first = chosen[member][0]
-        part, normal, offset = int(faces.part[first]), triangles.normal[first], float(triangles.offset[first])
+        first = int(planes.first[large[row]])
+        part, normal, offset = int(table.part[first]), triangles.normal[first], float(triangles.offset[first])
         extent = mirror_extent(state, part, int(first - triangles.first[part]))
-        if extent < zone[number]:
+        if extent < zone[row]:
             continue
-        near = np.flatnonzero(~taken & (of_part == part))
-        flat = row_all(np.abs(corners[near] @ normal - offset) < knobs.flatness)
-        taken[near[flat]] = True
-        rows = chosen[near[flat]]
-        found.append(Mirror(len(found), part, rows, normal, offset, triangles.corners[rows].reshape(-1, 3), extent))
+        near = np.arange(triangles.first[part], triangles.first[part + 1])
+        near = near[~taken[near]]
+        own = near[row_all(np.abs(triangles.corners[near] @ normal - offset) < knobs.flatness)]
+        taken[own] = True
+        found.append(Mirror(len(found), part, own, normal, offset, triangles.corners[own].reshape(-1, 3), extent))
     return found
 
 
 def faces_towards(
-    state: WorldState, instances: Sequence[int], position: Array, boxes: Sequence[Array], tail: float = 0.0
+    state: WorldState,
+    instances: Sequence[int],
+    position: Array,
+    boxes: Sequence[Array],
+    tail: float,
+    most: int,
 ) -> Index:
-    """Return a face of each plane of some instances over which a way may lead into some boxes, the largest first.
+    """Return a face of each of the largest planes of instances over which a way may lead into boxes, the largest first.
 
     Parameters
     ----------
@@ -154,78 +160,143 @@ def faces_towards(
         Points of each, its corners among them [m, world].
     tail : float
         That of :func:`beyond_ends`.
+    most : int
+        No more are returned.
 
     Returns
     -------
     ndarray of int64, shape (num_planes,)
         Rows of the table of faces.
     """
-    planes = _Planes.of(state, instances, position)
-    if not boxes or not len(planes.area):
-        return planes.first[:0]
-    found = np.zeros(len(planes.area), dtype=np.bool_)
+    planes, rows = _Planes.of(state, instances)
+    found: list[Index] = [planes.first[:0]]
+    if not boxes:
+        return found[0]
     centers = np.array([(box.min(axis=0) + box.max(axis=0)) / 2.0 for box in boxes])
     reach = np.array([np.linalg.norm(np.ptp(box, axis=0)) / 2.0 for box in boxes])
     wide = np.flatnonzero(reach > _WIDE_BOX).tolist()  # by their middle and corners, with half of the reach
     reach[wide] /= 2.0
     points = np.concatenate([centers, *(boxes[number] for number in wide)])
     radius = np.concatenate([reach, *(np.full(len(boxes[number]), reach[number]) for number in wide)])
-    own = planes.normal @ position - planes.offset
     step = max(_COMPARED // len(points), 1)
-    for some in (slice(first, first + step) for first in range(0, len(found), step)):
-        normal, before = planes.normal[some], own[some, None]
-        behind = normal @ points.T - planes.offset[some, None]
-        before, behind = np.abs(before), np.maximum(behind * np.sign(before), 0.0)
-        flat = points - behind[..., None] * (normal * np.sign(own[some, None]))[:, None]
-        foot = position - own[some, None, None] * normal[:, None]
-        share = before / np.maximum(before + behind, 1e-9)
-        at = foot + share[..., None] * (flat - foot)
-        there, back = row_norm(at - position), row_norm(points - at)
-        unit = np.sqrt(there * back / (2.0 * np.maximum(there + back, 1e-9))) * there / np.maximum(before, 1e-9)
-        lower, upper = planes.lower[some, None], planes.upper[some, None]
-        margin = (np.maximum(PRESELECTION_MARGIN * row_norm(upper - lower), tail * unit) + radius)[..., None]
-        found[some] = row_any(row_all((at >= lower - margin) & (at <= upper + margin)))
-    order = np.argsort(-planes.area, kind="stable")
-    return planes.first[order[found[order]]]
+    for some in (rows[first : first + step] for first in range(0, len(rows), step)):
+        found.append(planes.first[some[planes.take(some).lead(position, points, radius, tail)]])
+        if sum(len(faces) for faces in found) >= most:
+            break
+    return np.concatenate(found)[:most]
 
 
 @dataclass(frozen=True, eq=False)
 class _Planes:
-    """The faces of some instances by their planes.
+    """Planes of faces: a row each, the largest first.
 
-    `face`, `group` and `corners` have a row for each face, the rest one for each plane: its first face, area [m2],
-    distance from the radar [m], normal, offset, and box [m].
+    Attributes
+    ----------
+    number : ndarray of int64, shape (num_planes,)
+        In the table of faces.
+    first, part : ndarray of int64, shape (num_planes,)
+        First face of each, and its part.
+    area : ndarray of float64, shape (num_planes,)
+        [m2].
+    normal, offset : ndarray of float64, shape (num_planes, 3) and (num_planes,)
+        Of the first face, normal . x = offset [m, world].
+    lower, upper : ndarray of float64, shape (num_planes, 3)
+        Corners of the box [m, world].
+    start, count : ndarray of int64, shape (num_planes,)
+        Where the faces of each begin in `face`, and how many there are.
+    face : ndarray of int64, shape (num_faces,)
+        Faces, those of one plane one after the other.
     """
 
-    table: FaceTable
-    face: Index
-    group: Index
-    corners: Array
+    number: Index
     first: Index
+    part: Index
     area: Array
-    nearest: Array
     normal: Array
     offset: Array
     lower: Array
     upper: Array
+    start: Index
+    count: Index
+    face: Index
 
     @classmethod
-    def of(cls, state: WorldState, instances: Sequence[int], position: Array) -> _Planes:
-        table = face_table(state)
+    def of(cls, state: WorldState, instances: Sequence[int]) -> tuple[_Planes, Index]:
+        """Return planes, found once for a world of all that stands still, and which of them are those of instances."""
+        parts, table = state.world.parts, face_table(state)
+        asked = np.isin(parts.instance, instances)
+        if (parts.actor[asked] >= 0).any():
+            found = cls._of_faces(table, np.flatnonzero(asked[table.part]))
+        else:
+            if state.world not in _standing:
+                _standing[state.world] = cls._of_faces(table, np.flatnonzero((parts.actor < 0)[table.part]))
+            found = _standing[state.world]
+        return found, np.flatnonzero(asked[found.part])
+
+    @classmethod
+    def _of_faces(cls, table: FaceTable, face: Index) -> _Planes:
         triangles = table.triangles
-        face = np.flatnonzero(np.isin(state.world.parts.instance, instances)[table.part])
         face = face[row_any(triangles.normal[face])]
-        _, start, group = np.unique(table.plane[face], return_index=True, return_inverse=True)
-        corners = triangles.corners[face]
+        face = face[np.argsort(table.plane[face], kind="stable")]
+        number, start, count = np.unique(table.plane[face], return_index=True, return_counts=True)
+        corners, first = triangles.corners[face], face[start]
         area = row_norm(row_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) / 2.0
-        nearest, lower, upper = (np.full((len(start), *shape), np.inf) for shape in ((), (3,), (3,)))
-        np.minimum.at(nearest, group, row_min(row_norm(corners - position)))
-        np.minimum.at(lower, group, corners.min(axis=1))
-        np.minimum.at(upper, group, -corners.max(axis=1))
-        first = face[start]
+        total = np.bincount(np.repeat(np.arange(len(start)), count), area, len(start)).astype(np.float64)
+        lower = upper = np.zeros((0, 3))
+        if len(start):
+            lower = np.minimum.reduceat(corners.min(axis=1), start)
+            upper = np.maximum.reduceat(corners.max(axis=1), start)
         plane = triangles.normal[first], triangles.offset[first]
-        total = np.bincount(group, area).astype(np.float64)
-        return cls(table, face, group, corners, first, total, nearest, *plane, lower, -upper)
+        found = cls(number, first, table.part[first], total, *plane, lower, upper, start, count, face)
+        return found.take(np.argsort(-total, kind="stable"))
+
+    def take(self, rows: Index) -> _Planes:
+        """Return some of the planes."""
+        taken: dict[str, Any] = {name: column[rows] for name, column in vars(self).items() if name != "face"}
+        return _Planes(**taken, face=self.face)
+
+    def faces(self, row: int) -> Index:
+        """Return the faces of a plane."""
+        return self.face[self.start[row] : self.start[row] + self.count[row]]
+
+    def larger_than_zone(
+        self, rows: Index, triangles: Triangles, position: Array, wavelength: float
+    ) -> tuple[Index, Array]:
+        """Return which of some planes are larger than the first Fresnel zone on them, and its width [m]."""
+        square = np.zeros(len(self.area))
+        for k in range(3):  # planes are nowhere nearer than their boxes
+            out = np.maximum(self.lower[:, k] - position[k], position[k] - self.upper[:, k])
+            square += np.maximum(out, 0.0, out=out) ** 2
+        may = self.area >= (1.0 - _ROUNDING) * 2.0 * wavelength * np.sqrt(square)
+        rows = rows[may[rows]]
+        if not len(rows):
+            return rows, np.zeros(0)
+        count = self.count[rows]
+        start = np.cumsum(count) - count
+        face = self.face[np.arange(count.sum()) + np.repeat(self.start[rows] - start, count)]
+        distance = row_min(row_norm(triangles.corners[face] - position))
+        zone = np.sqrt(2.0 * wavelength * np.minimum.reduceat(distance, start))
+        large = self.area[rows] >= zone**2
+        return rows[large], zone[large]
+
+    def lead(self, position: Array, points: Array, radius: Array, tail: float) -> Flags:
+        """Return over which planes, by their boxes, a way may lead from a position into a ball; `tail` as above."""
+        own = (self.normal @ position - self.offset)[:, None]
+        behind = row_dots(self.normal, points) - self.offset[:, None]
+        before, behind = np.abs(own), np.maximum(behind * np.sign(own), 0.0)
+        flat = points - behind[..., None] * (self.normal * np.sign(own))[:, None]
+        foot = position - own[..., None] * self.normal[:, None]
+        share = before / np.maximum(before + behind, 1e-9)
+        at = foot + share[..., None] * (flat - foot)
+        there, back = row_norm(at - position), row_norm(points - at)
+        unit = np.sqrt(there * back / (2.0 * np.maximum(there + back, 1e-9))) * there / np.maximum(before, 1e-9)
+        lower, upper = self.lower[:, None], self.upper[:, None]
+        margin = (np.maximum(PRESELECTION_MARGIN * row_norm(upper - lower), tail * unit) + radius)[..., None]
+        return row_any(row_all((at >= lower - margin) & (at <= upper + margin)))
+
+
+_standing: WeakKeyDictionary[World, _Planes] = WeakKeyDictionary()
+"""Planes of all that stands still."""
 
 
 def flat_parts(state: WorldState, mirrors: Sequence[Mirror], position: Array) -> list[int]:

@@ -11,6 +11,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.order import side_by_side
+from scarl_sionna.core.arrays.rows import row_max
 from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.engine.rays.cast import Target, cast_rays
 from scarl_sionna.engine.rays.nearby import scene_near
@@ -45,9 +47,6 @@ _TOGETHER = 128
 """Points that are compared with pieces of outlines together, more where these are few."""
 _COMPARED = 1 << 14
 """Points times pieces that are compared together."""
-_CELL, _CELL_BITS = 0.25, 12
-"""Points are sorted by cells of this size [m], a kilometre of them, so that few pieces are near to all that are
-compared together."""
 _FRAME = 1024.0
 """Rays that find free edges are cast in frames this far apart [m], by where the mirror is alone: their rounding (0.06
 mm) does not depend on where the radar is, nor on the time."""
@@ -349,7 +348,7 @@ class MirrorEnds:
         outline = outline.take(outline.free)
         found = np.zeros((count, 3))
         together = max(_TOGETHER, _COMPARED // max(len(outline.owner), 1))
-        order = _side_by_side(at.point[::3])
+        order = side_by_side(at.point[::3])
         for rows in np.array_split(order, -(-count // together)) if len(outline.owner) else []:
             some = at.take((3 * rows[:, None] + np.arange(3)).ravel())
             near = outline.take(self._may_be_near(number, outline, some))
@@ -423,11 +422,23 @@ class MirrorEnds:
             if not outline.free.any():
                 continue
             there = np.flatnonzero(at.mirror == number)
-            there = there[_side_by_side(at.point[there])]
+            if own:
+                there = there[self._may_reach(number, outline, at.take(there))]
+            there = there[side_by_side(at.point[there])]
             together = max(_TOGETHER, _COMPARED // len(outline.owner))
-            for rows in np.array_split(there, -(-len(there) // together)):
+            for rows in np.array_split(there, -(-len(there) // together)) if len(there) else []:
                 some = at.take(rows)
                 yield number, rows, some, outline.take(self._may_be_near(number, outline, some))
+
+    def _may_reach(self, number: int, outline: Outline, at: Reflections) -> Flags:
+        """Return which reflections may be within the reach of a piece, by the box about all of them."""
+        ends = np.concatenate([outline.start, outline.end])
+        away = row_max(np.maximum(ends.min(axis=0) - at.point, at.point - ends.max(axis=0))) - IN_ONE_PLANE
+        return np.asarray(away < self._unit(at) / np.maximum(np.abs(at.ray @ self._normal[number]), 1e-6))
+
+    def _unit(self, at: Reflections) -> Array:
+        """Return the reach across the plane of incidence [m]; ahead it is more by the inverse cosine of incidence."""
+        return np.asarray(self.knobs.end_reach / np.sqrt(2.0 * at.inverse / self.wavelength))
 
     def _may_be_near(self, number: int, outline: Outline, at: Reflections) -> Flags:
         """Return which pieces may be within the reach of some reflections, by a box along their rays."""
@@ -440,7 +451,7 @@ class MirrorEnds:
         side = across(normal, ahead)
         straight = along @ ahead
         turned = float(np.abs(along @ side).max()) if straight.min() > 0.0 else 1.0
-        unit = self.knobs.end_reach / np.sqrt(2.0 * at.inverse / self.wavelength)
+        unit = self._unit(at)
         long = float((unit / np.maximum(np.abs(cosine), 1e-6)).max())
         found = np.ones(len(outline.owner), dtype=np.bool_)
         for axis, margin in ((ahead, long), (side, float(unit.max()) + turned * long)):
@@ -477,19 +488,6 @@ class MirrorEnds:
         line = np.arange(len(nearest))
         beyond = (side[line, nearest] < 0.0) & pieces.free[nearest]
         return np.where(beyond, pieces.owner[nearest], _NOT_BEYOND), away[line, nearest]
-
-
-def _side_by_side(points: Array) -> Index:
-    """Return an order of points (n, 3) in which those that follow each other are near each other.
-
-    Of cells whose numbers have their bits interleaved.
-    """
-    cell = np.floor((points - points.min(axis=0, initial=np.inf)) / _CELL).astype(np.int64)
-    key = np.zeros(len(points), dtype=np.int64)
-    for bit in range(_CELL_BITS):
-        for axis in range(3):
-            key |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return np.argsort(key, kind="stable")
 
 
 _Known: TypeAlias = "dict[tuple[int, int, float, float], Outline]"

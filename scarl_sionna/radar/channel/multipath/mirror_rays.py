@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.blocks import in_blocks
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.rays.cast import RAYS_PER_BATCH
@@ -81,7 +82,7 @@ class MirrorRays:
             Numbers of the mirrors.
         """
         on, free, above = np.zeros((3, len(end)), dtype=np.bool_)
-        for some in _pieces(len(end)):
+        for some in in_blocks(len(end), RAYS_PER_BATCH):
             code, face, point = self._met(start if start.ndim == 1 else start[some], end[some], mirror[some])
             on[some], free[some], above[some] = ((code & bit) > 0 for bit in (_ON, _FREE, _ABOVE))
             rows = np.flatnonzero(code & _DOUBTED)
@@ -103,7 +104,7 @@ class MirrorRays:
         """
         found, gone = np.ones(len(end), dtype=np.bool_), np.zeros(len(end))
         owner = np.full(len(end), _NOBODY) if owner is None else owner
-        for some in _pieces(len(end)):
+        for some in in_blocks(len(end), RAYS_PER_BATCH):
             rows = np.arange(some.start, some.stop)
             for panes_left in range(MOST_PANES, -1, -1):
                 own = start if start.ndim == 1 else start[rows]
@@ -220,9 +221,3 @@ def _sent(rays: StateRays, start: Array, aim: DeviceArray) -> tuple[DeviceArray,
     distance = dr.sqrt(ahead.x * ahead.x + ahead.y * ahead.y + ahead.z * ahead.z)
     ray = dr.select(distance > LIFT, ahead / dr.maximum(distance, LIFT), rays.Vector(1.0, 0.0, 0.0))
     return here, ray, distance
-
-
-def _pieces(count: int) -> Iterator[slice]:
-    """Yield rows of as many rays as are worked on at once."""
-    for first in range(0, count, RAYS_PER_BATCH):
-        yield slice(first, min(first + RAYS_PER_BATCH, count))
