@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from scarl_sionna.core.arrays.order import side_by_side
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.core.settings.plan import Reflection
@@ -242,6 +243,6 @@ def test_weights_and_reaches_are_those_of_each_point_alone(ends, monkeypatch: py
     reaches = view.ends.across(number, at)
     single = [view.ends.across(number, at.take(np.arange(3 * k, 3 * k + 3))) for k in range(200)]
     np.testing.assert_allclose(reaches, np.concatenate(single), rtol=0.0, atol=1e-9)
-    order = mirror_ends._side_by_side(at.point)
+    order = side_by_side(at.point)
     steps = [np.linalg.norm(np.diff(at.point[some], axis=0), axis=1).mean() for some in (order, np.arange(600))]
     assert sorted(order) == list(range(600)) and steps[0] < 0.2 * steps[1]

@@ -80,3 +80,17 @@ def test_points_at_the_edges_of_triangles() -> None:
     assert inside(point, corners, np.array([0, 0, 1])).tolist() == [True, False, True, False, True, True, False]
     assert not inside(point, corners[:0], np.array([0, 0, 1])).any()
     assert inside(point[:0], corners, np.array([0, 0, 1])).tolist() == []
+
+
+def test_no_point_is_inside_that_the_box_does_not_hold() -> None:
+    """Tilted triangles, points far from their planes."""
+    rng = np.random.default_rng(4)
+    corners, point = rng.uniform(-5.0, 5.0, (20, 3, 3)), rng.uniform(-6.0, 6.0, (5000, 3))
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    offset = np.einsum("ij,ij->i", normal, corners[:, 0])
+    known = MirrorFaces(20, [np.array([k]) for k in range(20)], normal, offset, [own[None] for own in corners])
+    for k, (lower, upper) in enumerate(known.boxes):
+        held = ((point >= lower) & (point <= upper)).all(axis=1)
+        found = inside(point, corners[k : k + 1], normal[k])
+        assert not (found & ~held).any() and found.any() and not held.all()

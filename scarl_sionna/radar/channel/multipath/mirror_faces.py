@@ -74,6 +74,16 @@ class MirrorFaces:
         self.normal, self.offset = normal.reshape(-1, 3), offset
         self._corners = tuple(corners)
 
+    @property
+    def boxes(self) -> Array:
+        """Corners of boxes outside of which no point is :func:`inside` of each mirror, (num_mirrors, 2, 3) [m]."""
+        found = np.empty((len(self._corners), 2, 3))
+        for number, corners in enumerate(self._corners):
+            points = corners.reshape(-1, 3)
+            found[number] = points.min(axis=0) - 2.0 * _NEAR, points.max(axis=0) + 2.0 * _NEAR
+            found[number, :, _along(self.normal[number])] = -np.inf, np.inf
+        return found
+
     def owner(self, face: Index, point: Array, aim: Array) -> Index:
         """Return the number of the mirror that each hit is on, `NO_MIRROR` where it is on none.
 
@@ -151,10 +161,15 @@ class _Pairs(NamedTuple):
         return np.asarray(self.height < np.repeat(np.minimum.reduceat(self.height, first), count) + COINCIDENT)
 
 
+def _along(normal: Array) -> int:
+    """Return the axis along which points are brought to a plane."""
+    return int(np.abs(normal).argmax())
+
+
 def inside(point: Array, corners: Array, normal: Array) -> Flags:
     """Return which points are over one of the triangles in a plane, or within `COINCIDENT` of its edges [m]."""
     found = np.zeros(len(point), dtype=np.bool_)
-    across = np.delete(np.arange(3), np.abs(normal).argmax())
+    across = np.delete(np.arange(3), _along(normal))
     flat, triangles = point[:, across], corners[:, :, across]
     lower, upper = triangles.min(axis=1) - _NEAR, triangles.max(axis=1) + _NEAR
     about = np.flatnonzero(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -135,8 +135,8 @@ class MirrorRays:
             limit += dr.select(own < 0, 0.0, tables.height(point, mi.UInt32(dr.maximum(own, 0))))
             height, far = tables.height(point, number), distance > LIFT
             close = far & valid & (height < limit)
-            settled = tables.settled(point, (limit, number, own), close)
-            code = dr.select(settled, mi.UInt32(_ON), dr.select(close, mi.UInt32(_DOUBTED), 0))
+            on, doubted = tables.owned((point, aim), (limit, number, own), close)
+            code = dr.select(on, mi.UInt32(_ON), dr.select(doubted, mi.UInt32(_DOUBTED), 0))
             code |= dr.select(far & ~(valid & (hit < distance - LIFT)), mi.UInt32(_FREE), 0)
             code |= dr.select(valid & (height > LIFT), mi.UInt32(_ABOVE), 0)
             with many_threads(len(end)):
@@ -175,6 +175,7 @@ class _Tables:
         self._on, self.faces = on, MovingFaces.of(on, state)
         self._normal, self._offset = on.reals(faces.normal), on.reals(faces.offset)
         self.of_face = on.label(faces.of_face)
+        self._box = on.reals(faces.boxes)
         self._count = on.dr.opaque(on.mi.UInt32, len(faces.offset))
         self.foreign, self.is_thin = on.mask(foreign), on.mask(is_thin)
         self.instance = on.label(state.world.parts.instance)
@@ -185,32 +186,68 @@ class _Tables:
         normal, offset = dr.gather(on.Vector, self._normal, number), dr.gather(on.Real, self._offset, number)
         return dr.abs(dr.dot(normal, point) - offset)
 
-    def settled(
-        self, point: DeviceArray, may: tuple[DeviceArray, DeviceArray, DeviceArray], active: DeviceArray
-    ) -> DeviceArray:
-        """Return which of some points belong to a mirror for sure, by :meth:`.mirror_faces.MirrorFaces.owner`.
+    def owned(
+        self,
+        hit: tuple[DeviceArray, DeviceArray],
+        may: tuple[DeviceArray, DeviceArray, DeviceArray],
+        active: DeviceArray,
+    ) -> tuple[DeviceArray, DeviceArray]:
+        """Return which hits belong to a mirror for sure, and which may, by :meth:`.mirror_faces.MirrorFaces.owner`.
 
-        `may` has the distance from planes below which a mirror may own each point, the number of the mirror, and that
-        of the face that it is on. It is the only one that may, or that of the face, the first of all, and as near as
-        any.
+        It is the only one that may own it, or that of the face that is hit, the first of all, and as near as any. Of
+        hits on a mirror's own face only mirrors count whose box holds what the ray was aimed at.
+
+        Parameters
+        ----------
+        hit : tuple
+            Where hits are and what the rays were aimed at [m, world].
+        may : tuple
+            Distance from planes below which a mirror may own each hit [m], the number of the mirror that is asked for,
+            and that of the face, below 0 for none.
+        active : Dr.Jit Bool
+        """
+        (point, aim), (limit, number, own), mi = hit, may, self._on.mi
+        is_own = mi.Int32(number) == own
+
+        def first_of_all(count: DeviceArray, first: DeviceArray, least: DeviceArray) -> DeviceArray:
+            return (count == 1) | (is_own & (first == number) & (self.height(point, number) < least + COINCIDENT))
+
+        on = active & first_of_all(*self._near(point, limit, active, lambda other: mi.Bool(True)))
+        left = active & ~on & (own >= 0)
+        count, first, least = self._near(
+            point, limit, left, lambda other: (mi.Int32(other) == own) | self._holds(other, aim)
+        )
+        on |= left & is_own & first_of_all(count, first, least)
+        return on, active & ~on & ~(left & (count == 1))
+
+    def _near(
+        self, point: DeviceArray, limit: DeviceArray, active: DeviceArray, counts: Callable[[DeviceArray], DeviceArray]
+    ) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
+        """Return how many of the mirrors that count are nearer to points than a limit, the first, and how near any is.
+
+        The number of mirrors for the first where there is none.
         """
         dr, mi = self._on.dr, self._on.mi
-        limit, number, own = may
 
         def compare(
             other: DeviceArray, count: DeviceArray, first: DeviceArray, least: DeviceArray
         ) -> tuple[DeviceArray, ...]:
             height = self.height(point, other)
-            near = height < limit
+            near = (height < limit) & counts(other)
             first = dr.select(near & (other < first), other, first)
-            return other + 1, count + dr.select(near, 1, 0), first, dr.minimum(least, height)
+            return other + 1, count + dr.select(near, 1, 0), first, dr.select(near, dr.minimum(least, height), least)
 
         state = mi.UInt32(0), mi.UInt32(0), dr.zeros(mi.UInt32, dr.width(point)) + self._count, limit
         _, count, first, least = dr.while_loop(
             state, lambda other, *_: active & (other < self._count), compare, label="planes near to hits"
         )
-        is_own = (mi.Int32(number) == own) & (first == number) & (self.height(point, number) < least + COINCIDENT)
-        return active & ((count == 1) | is_own)
+        return count, first, least
+
+    def _holds(self, number: DeviceArray, point: DeviceArray) -> DeviceArray:
+        """Return whether the box about a mirror's triangles holds points."""
+        dr, on = self._on.dr, self._on
+        lower, upper = (dr.gather(on.Vector, self._box, 2 * number + k) for k in (0, 1))
+        return dr.all((point >= lower) & (point <= upper))
 
 
 def _sent(rays: StateRays, start: Array, aim: DeviceArray) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
