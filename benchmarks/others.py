@@ -22,7 +22,8 @@ import numpy as np
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ScarlError, ScenarioValueError
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.scenario.openscenario.drive import SUFFIX, read_drive
+from scarl_sionna.scenario.openscenario import SUFFIX
+from scarl_sionna.scenario.openscenario.drive import read_drive
 from scarl_sionna.scene.document.find import MAP_SUFFIXES
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.simulation import load_world

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -19,6 +23,8 @@ MOST_ARGUMENTS = 6
 MOST_LONG_FUNCTIONS = 18
 """Functions with more arguments than that; the number may only fall. What stays are public functions with keyword
 options."""
+OURS = ("scarl_sionna", "scenes_xml", "camera_lidar", "benchmarks", "examples", "tests")
+IMPORT = re.compile(r"^[ \t]*from ([\w.]+) import (?:\(([^)]*)\)|([\w, \t]+))", re.MULTILINE)
 
 
 def imported_by(statement: str) -> set[str]:
@@ -144,6 +150,67 @@ def test_the_count_sees_all_kinds_of_arguments() -> None:
 def test_no_more_functions_with_many_arguments(modules: dict[str, Module]) -> None:
     found = [f"{name}: {function}" for name, module in modules.items() for function in module.long_functions]
     assert len(found) <= MOST_LONG_FUNCTIONS, "\n".join(found)
+
+
+def file_of(module: str, root: Path) -> Path | None:
+    """Return the file or the folder of a module below a root."""
+    place = root.joinpath(*module.split("."))
+    found = (place.with_suffix(".py"), place / "__init__.py", place)
+    return next((one for one in found if one.exists()), None)
+
+
+@cache
+def names_of(file: Path) -> frozenset[str]:
+    """Return the names that the outermost statements of a module, or its stub, bind for sure."""
+    stub = file.with_suffix(".pyi")
+    found = {path.stem for path in file.parent.iterdir()} if file.name == "__init__.py" else set()
+    for node in ast.parse((stub if stub.exists() else file).read_text(encoding="utf-8")).body:
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            found |= {item.asname or item.name.partition(".")[0] for item in node.names}
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            found.add(node.name)
+        elif isinstance(node, ast.Assign):
+            bound = (item for target in node.targets for item in ast.walk(target))
+            found |= {item.id for item in bound if isinstance(item, ast.Name)}
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.value is not None:
+            found.add(node.target.id)
+    return frozenset(found)
+
+
+def is_there(module: str, name: str) -> bool:
+    """Return whether a module of ours has a name; it is imported only where its text does not tell."""
+    file = file_of(module, REPO)
+    if file is None:
+        return False
+    if name in names_of(file) if file.is_file() else file_of(name, file) is not None:
+        return True
+    return file.is_file() and hasattr(importlib.import_module(module), name)
+
+
+def imports_of_ours(folder: str) -> Iterator[tuple[str, str, str]]:
+    """Yield file, module and name of what scripts import from us, also inside functions and quoted programs."""
+    for path in (REPO / folder).rglob("*.py"):
+        for module, inside, plain in IMPORT.findall(path.read_text(encoding="utf-8")):
+            if folder == "benchmarks" and file_of(module, path.parent) not in (None, path):  # scripts see neighbours
+                module = ".".join([*path.parent.relative_to(REPO).parts, module])
+            if module.partition(".")[0] in OURS:
+                for item in re.sub(r"#.*", "", inside or plain).split(","):
+                    if item.strip():
+                        yield str(path.relative_to(REPO)), module, item.split()[0]
+
+
+@pytest.mark.parametrize(("folder", "least"), [("benchmarks", 500), ("examples", 20), ("tests", 3000)])
+def test_what_scripts_import_is_there(folder: str, least: int) -> None:
+    """A benchmark that nobody has run for a while still starts."""
+    found = list(imports_of_ours(folder))
+    assert len(found) > least
+    assert [one for one in found if not is_there(*one[1:])] == []
+
+
+def test_the_check_sees_a_name_that_has_moved() -> None:
+    assert is_there("scarl_sionna.scenario.openscenario", "SUFFIX") and is_there("scarl_sionna", "RadarSpec")
+    assert not is_there("scarl_sionna.core.errors", "SUFFIX") and is_there("scarl_sionna.core.errors", "ScarlError")
+    assert not is_there("scarl_sionna.gone", "SUFFIX") and not is_there("benchmarks", "gone")
 
 
 def test_public_names_resolve() -> None:
