@@ -25,6 +25,9 @@ NEARLY_IN_PLANE = 1e-12
 """Cosine of incidence below which a ray runs in the plane."""
 _SHORTEST_EDGE = 1e-10
 """Of a hull [m], that has a direction."""
+_THINNEST = 1e-12
+"""Sine of the angle at a triangle's first corner up to which its edges are all of it: rounding may have made its normal
+then."""
 _ENCLOSED = 0.75
 """Winding number from which a point counts as inside. A closed mesh gives 1, an open half space at most 0.5."""
 
@@ -196,7 +199,10 @@ def even_directions(count: int) -> Array:
 
 
 def closest_in_triangles(point: Array, corners: Array) -> tuple[Array, Array]:
-    """Return distance and barycentric coordinates of the nearest point of triangles, by broadcasting (..., 3, 3)."""
+    """Return distance and barycentric coordinates of the nearest point of triangles, by broadcasting (..., 3, 3).
+
+    Of a triangle without area it is the nearest point of its edges.
+    """
     shape = np.broadcast_shapes(point.shape[:-1], corners.shape[:-2])
     best, share = np.full(shape, np.inf), np.zeros((*shape, 3))
     for k in range(3):  # the edges, ends included
@@ -211,11 +217,14 @@ def closest_in_triangles(point: Array, corners: Array) -> tuple[Array, Array]:
         share = np.where(nearer[..., None], own, share)
     one, other = (corners[..., k, :] - corners[..., 0, :] for k in (1, 2))
     normal = np.cross(one, other)
-    square = np.maximum(np.einsum("...i,...i->...", normal, normal), 1e-300)
+    square = np.einsum("...i,...i->...", normal, normal)
+    longest = np.einsum("...i,...i->...", one, one) * np.einsum("...i,...i->...", other, other)
+    has_area = square > _THINNEST**2 * longest
+    square = np.where(has_area, square, 1.0)
     offset = point - corners[..., 0, :]
     second = np.einsum("...i,...i->...", np.cross(offset, other), normal) / square
     third = np.einsum("...i,...i->...", np.cross(one, offset), normal) / square
-    within = (second >= 0.0) & (third >= 0.0) & (second + third <= 1.0)
+    within = has_area & (second >= 0.0) & (third >= 0.0) & (second + third <= 1.0)
     away = np.abs(np.einsum("...i,...i->...", offset, normal)) / np.sqrt(square)
     inside = within & (away < best)
     flat = np.stack([1.0 - second - third, second, third], axis=-1)
