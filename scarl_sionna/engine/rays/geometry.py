@@ -258,7 +258,8 @@ def _smallest_rectangle(points: Array) -> tuple[Array, Array, float]:
 def upright_box(points: Array, fixed_axes: bool) -> tuple[Pose, Array]:
     """Return centre pose and extents (length, width, height) of a box around points, with vertical sides.
 
-    `fixed_axes`: along the frame's own axes; otherwise turned about z for the smallest footprint.
+    `fixed_axes`: along the frame's own axes; otherwise turned about z for the smallest footprint. One on a line, as of
+    a vertical sheet, has this direction and width 0; along x or y the frame's own axes are kept.
     """
     low, high = points[:, 2].min(), points[:, 2].max()
     if fixed_axes:
@@ -266,7 +267,12 @@ def upright_box(points: Array, fixed_axes: bool) -> tuple[Pose, Array]:
         return Pose(position=(lower + upper) / 2.0), upper - lower
     try:
         center, sides, yaw = _smallest_rectangle(points[:, :2])
-    except (QhullError, ValueError):  # a flat or line-like footprint has no hull
-        return upright_box(points, fixed_axes=True)
+    except (QhullError, ValueError):  # a footprint on a line or smaller than rounding has no hull
+        first, last = points[[points[:, 0].argmin(), points[:, 0].argmax()], :2]
+        along = last - first
+        if not along.all():
+            return upright_box(points, fixed_axes=True)
+        center, sides = (first + last) / 2.0, np.array([np.hypot(*along), 0.0])
+        yaw = float(np.arctan2(along[1], along[0]))
     pose = Pose.from_euler([center[0], center[1], (low + high) / 2.0], yaw=yaw)
     return pose, np.array([sides[0], sides[1], high - low])
