@@ -125,6 +125,16 @@ def test_over_a_budget_the_first_coarser_level_within_it_is_taken(state) -> None
         solve_paths(state, RADAR, POSE, "sbr", over_budget="coarsen", cpu_budget=seconds[0] / 10.0)
 
 
+def test_a_level_that_makes_nothing_coarser_is_not_said_to(state) -> None:
+    coarse = coarser(SbrSettings(), AutoSettings().levels[0]).with_(bisections=None, corner_share=1.0)
+    level = AutoSettings().levels[0].with_(bisections=24)
+    work = sbr_cost.Work(bodies_of(state, sbr=coarse), sbr_solve.stations_of(RADAR, state.as_mount(POSE)))
+    tight = Accuracy(cpu_budget=1e-6, memory_budget=None, over_budget="coarsen")
+    with pytest.raises(BudgetError) as error:
+        sbr_cost.affordable([work], tight, [level])
+    assert "coarsest level" not in str(error.value)
+
+
 def test_coarser_knobs_are_nowhere_finer_and_keep_the_bounces() -> None:
     own, level = SbrSettings(max_depth=2, max_phase=1.2, return_angle=0.1, max_turn=None), AutoSettings().levels[1]
     assert level.max_phase > own.max_phase

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from scarl_sionna.core.cores import one_blas_thread
 
 CODE = """
 from scarl_sionna.engine.threads import limit_threads
@@ -180,3 +183,20 @@ def test_idle_threads_cost_no_processor_time_between_small_kernels(told) -> None
 
 def test_who_is_not_alone_changes_no_number_of_threads(told) -> None:
     assert told[0]["together"] == ["1", "1", "3"]
+
+
+def test_blas_has_one_thread_until_all_that_asked_for_one_have_left() -> None:
+    """Contexts of two threads overlap: the second one's undoing is not that of the first."""
+
+    def threads() -> set[int]:
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    with threadpool_limits(2, user_api="blas"):
+        one, other = one_blas_thread(), one_blas_thread()
+        one.__enter__()
+        other.__enter__()
+        assert threads() == {1}
+        one.__exit__(None, None, None)
+        assert threads() == {1}
+        other.__exit__(None, None, None)
+        assert threads() == {2}

@@ -191,7 +191,7 @@ def affordable(
     if accuracy.over_budget == "coarsen":
         for level in reversed(levels):
             knobs = [coarser(one, level) for one in own]
-            if knobs == own:
+            if knobs == [one.for_scene() for one in own]:
                 continue
             cost = _cost(work, knobs, accuracy)
             if cost.within(accuracy):
