@@ -85,7 +85,9 @@ def along(kernel: CubicSpline, x: Array, stretch: Array, y: Array) -> Array:
         return np.asarray(kernel((x[:, None] + y) * stretch[:, None]))
     nodes = series.nodes
     values = kernel((nodes[:, None] + y) * np.interp(nodes, x, stretch)[:, None])
-    return np.asarray(series.polynomials(x).T @ (series.coefficients @ values))
+    # not by BLAS: its second thread waits busily after each product, longer than this one takes
+    terms = np.einsum("ij,jy->iy", series.coefficients, values)
+    return np.asarray(np.einsum("ix,iy->xy", series.polynomials(x), terms))
 
 
 @dataclass(frozen=True)
