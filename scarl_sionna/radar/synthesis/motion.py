@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.blocks import in_blocks
 from scarl_sionna.core.arrays.rows import row_all
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -27,6 +28,9 @@ from scarl_sionna.radar.paths import RadarPaths
 from .fading import Fading
 
 Array = npt.NDArray[np.float64]
+
+_VALUES_AT_ONCE = 1 << 16
+"""Distances whose derivatives are worked out at once: they take seven times as much memory, in the cache."""
 
 
 class Terms(NamedTuple):
@@ -115,8 +119,20 @@ class End:
 
     def terms(self, antenna: int | None, times: Array) -> Terms:
         """Return distances with their derivatives, shape (num_times, num_paths) each."""
-        offset, own = (columns[:, None] for columns in self._axes)
-        place, velocity, acceleration = (moving.T[..., None] for moving in self.arms.motion(antenna, times))
+        count, moved = len(self.offset), self.arms.motion(antenna, times)
+        size = max(1, _VALUES_AT_ONCE // max(1, len(times)))
+        if count <= size:
+            return self._terms(slice(count), times, moved)
+        found = Terms(*(np.empty((len(times), count)) for _ in range(3)))
+        for block in in_blocks(count, size):
+            for column, part in zip(found, self._terms(block, times, moved), strict=True):
+                column[:, block] = part
+        return found
+
+    def _terms(self, block: slice, times: Array, moved: tuple[Array, Array, Array]) -> Terms:
+        """Return :meth:`terms` of some paths, from the places of the antenna and their derivatives."""
+        offset, own = (columns[:, None, block] for columns in self._axes)
+        place, velocity, acceleration = (moving.T[..., None] for moving in moved)
         ahead = offset - place
         if times.any():
             ahead += times[:, None] * own
