@@ -12,8 +12,9 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.labels.labels import _distinct
-from scarl_sionna.radar.labels.lobes import Lobe, main_lobe, sides_of, without_main
-from scarl_sionna.radar.labels.spread import PathCells
+from scarl_sionna.radar.labels.lobes import Lobe, lobe_of, sides_of, without_main
+from scarl_sionna.radar.labels.spread import PathCells, _Footing
+from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis.expansion import polynomials
 from scarl_sionna.radar.synthesis.motion import Arms, PairTerms
@@ -60,11 +61,10 @@ def test_arms_turn_as_rotations_do(spin: tuple[float, float, float]) -> None:
 @pytest.mark.parametrize("num_bins", [64, 128, 192, 100])
 @pytest.mark.parametrize("window", ["rect", "hann", "hamming"])
 def test_a_lobe_on_bins_is_its_table_at_their_distances(window: str, num_bins: int) -> None:
-    count, lobe = 64, main_lobe(window, 64)
+    count, lobe = 64, lobe_of(window_values(window, 64))
     place = np.concatenate([np.random.default_rng(2).uniform(0.0, count, 200), [0.0, 5.0, 63.5, 10.0 / 256.0]])
     first, value = Lobe(lobe).at(place.reshape(2, -1), count, num_bins)
-    bins = Lobe(lobe).around(count, num_bins)[first]
-    assert Lobe(lobe).num_columns(count, num_bins) == bins.shape[-1]
+    bins = (first[..., None] + Lobe(lobe).columns(count, num_bins)) % num_bins
     assert bins.min() >= 0
     assert bins.max() < num_bins
     apart = bins.reshape(len(place), -1) * (count / num_bins) - place[:, None]
@@ -82,14 +82,13 @@ def test_a_lobe_on_bins_is_its_table_at_their_distances(window: str, num_bins: i
 
 @pytest.mark.parametrize("num_bins", [64, 128, 100])
 def test_sidelobes_beside_a_main_lobe_leave_out_zeros_only(num_bins: int) -> None:
-    count, main = 64, len(main_lobe("hann", 64))
+    count, main = 64, len(lobe_of(window_values("hann", 64)))
     beside = without_main(sides_of(window_values("hann", count), 6), main)
     place = np.concatenate([np.random.default_rng(5).uniform(0.0, count, 200), [0.0, 5.0, 63.5, 10.0 / 256.0]])
     found = []
     for hole in (0, main):
         first, value = Lobe(beside, hole).at(place, count, num_bins)
-        bins = Lobe(beside, hole).around(count, num_bins)[first]
-        assert Lobe(beside, hole).num_columns(count, num_bins) == bins.shape[-1]
+        bins = (first[:, None] + Lobe(beside, hole).columns(count, num_bins)) % num_bins
         assert bins.shape[1] <= 13 * num_bins // count + 1 - (3 * num_bins // count if hole else 0)
         found.append(np.zeros((len(place), num_bins)))
         np.put_along_axis(found[-1], bins.astype(np.int64), value, axis=1)
@@ -97,13 +96,33 @@ def test_sidelobes_beside_a_main_lobe_leave_out_zeros_only(num_bins: int) -> Non
     assert np.array_equal(*found)
 
 
+def test_complex_weights_have_no_symmetric_lobe() -> None:
+    with pytest.raises(TypeError):
+        lobe_of(np.array([0.5, 0.5j]))
+
+
+@pytest.mark.parametrize("columns", [[0, 1, 2], [0, 1, 5, 6], list(range(8)), []])
+def test_cells_of_lobes_go_around_the_range_axis(columns: list[int]) -> None:
+    first, after = np.array([[0, 13], [7, 13], [21, 23]]), np.array(columns, dtype=np.int32)
+    number, cells = _Footing(first, after, 8, np.ones((3, 2, len(after)))).reached(24)
+    expected = first[..., None] // 8 * 8 + (first[..., None] % 8 + after) % 8
+    assert cells.shape == (5, len(after))
+    assert np.array_equal(cells[number[first]], expected)
+
+
+def _linear(radar: RadarSpec, mount: Mount, positions: np.ndarray) -> RadarPaths:
+    count = len(positions)
+    velocity = np.random.default_rng(7).uniform(-30.0, 30.0, (count, 3))
+    paths = point_targets(positions, velocity, 1.0, radar, mount)
+    return dataclasses.replace(paths, linear_motion=np.ones(count, dtype=np.bool_))
+
+
 def test_fields_of_linear_paths_are_those_of_any_path(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(6)
     radar = RadarSpec().with_(multiplexing="tdm")
     mount = Mount(Pose([1.0, 2.0, 0.5]), Twist([20.0, 1.0, 0.0], [0.0, 0.1, 0.7]))
     positions = mount.pose.position + rng.uniform((5.0, -40.0, -2.0), (150.0, 40.0, 2.0), (50, 3))
-    paths = point_targets(positions, rng.uniform(-30.0, 30.0, (50, 3)), 1.0, radar, mount)
-    paths = dataclasses.replace(paths, linear_motion=np.ones(50, dtype=np.bool_))
+    paths = _linear(radar, mount, positions)
     assert PairTerms.of(paths, radar).is_linear
     found = []
     for _ in range(2):

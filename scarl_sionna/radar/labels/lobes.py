@@ -9,25 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.radar.synthesis.phase import phasor
-from scarl_sionna.signal.windows import window_values
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
-Cells = npt.NDArray[np.int32]
 
 STEPS_PER_BIN = 256
 _FEW_COLUMNS = 8
 """NumPy's loops along a last axis shorter than that take longer than steps over it."""
 
 
-@lru_cache(maxsize=32)
-def main_lobe(window: str, count: int) -> Array:
-    """Return a window's transform from 0 to its first minimum, `STEPS_PER_BIN` values a bin; 1 at 0, real."""
-    return lobe_of(window_values(window, count))
-
-
 def sides_of(values: Array, reach: int | None = None) -> Array:
-    """Return the transform of weights from 0 to `reach` bins, or half of all, real, as :func:`main_lobe` does."""
+    """Return the transform of weights from 0 to `reach` bins, or half of all, real, as :func:`lobe_of` does."""
     count = len(values)
     length = (count // 2 if reach is None else min(reach, count // 2)) * STEPS_PER_BIN
     spectrum = np.asarray(np.fft.fft(values, count * STEPS_PER_BIN)[:length], dtype=np.complex128)
@@ -36,8 +28,16 @@ def sides_of(values: Array, reach: int | None = None) -> Array:
 
 
 def lobe_of(values: Array) -> Array:
-    """Return the transform of weights, the real part about their middle, as :func:`main_lobe` does."""
-    return _lobe_of(np.asarray(values, dtype=np.float64).tobytes())
+    """Return the transform of real weights from 0 to its first minimum, `STEPS_PER_BIN` values a bin.
+
+    The real part about their middle; 1 at 0 of a window.
+
+    Raises
+    ------
+    TypeError
+        If weights are complex: their transform is not symmetric.
+    """
+    return _lobe_of(np.asarray(values).astype(np.float64, casting="same_kind").tobytes())
 
 
 @lru_cache(maxsize=32)
@@ -106,7 +106,7 @@ class Lobe:
     def at(self, place: Array, count: int, num_bins: int, factor: Array | None = None) -> tuple[Index, Array]:
         """Return the first bins of the response about places on an axis [bins of `count`], and its value on all bins.
 
-        Shapes (...,) and (..., number of bins): :meth:`around` tells the bins from the first one, of `num_bins` that
+        Shapes (...,) and (..., number of bins): :meth:`columns` tells the bins from the first one, of `num_bins` that
         are as wide as the axis together. Values are times a factor of shape (...,), if one is given.
         """
         scale = num_bins / count
@@ -124,15 +124,12 @@ class Lobe:
             found = self._between(row, step - whole, int(apart), column)
         return first, found if factor is None else _scaled(found, factor)
 
-    def around(self, count: int, num_bins: int) -> Cells:
-        """Return the bins of a response by its first one, each once: (num_bins, number of bins)."""
-        column = self._columns(count, num_bins)[1]
-        bins = np.mod(np.arange(num_bins)[:, None] + column, num_bins)
-        return np.asarray(bins, dtype=np.int32)
+    def columns(self, count: int, num_bins: int) -> Index:
+        """Return how far the bins of the response are after its first one, rising, modulo `num_bins` each once.
 
-    def num_columns(self, count: int, num_bins: int) -> int:
-        """Return the number of bins of each place; parameters as of :meth:`at`."""
-        return len(self._columns(count, num_bins)[1])
+        Parameters as of :meth:`at`.
+        """
+        return self._columns(count, num_bins)[1]
 
     def _columns(self, count: int, num_bins: int) -> tuple[bool, Index]:
         """Return whether the response goes around the axis, and which of the bins within it are not in the hole.

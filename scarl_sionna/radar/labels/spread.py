@@ -31,12 +31,10 @@ from scarl_sionna.signal.windows import window_values
 
 from .lobes import (
     STEPS_PER_BIN,
-    Cells,
     Lobe,
     above,
     lobe_at,
     lobe_of,
-    main_lobe,
     sides_of,
     turned,
     without_main,
@@ -47,6 +45,7 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 _FieldsT = TypeVar("_FieldsT", bound="npt.NDArray[np.complexfloating]")
 Index = npt.NDArray[np.int64]
+Cells = npt.NDArray[np.int32]
 
 _CELLS_PER_BLOCK, _PATHS_PER_BLOCK, _PATHS_AT_ONCE = 1_000_000, 1 << 14, 1 << 13
 MAX_REACH = 32
@@ -91,12 +90,12 @@ class PathCells:
     ) -> PathCells:
         """Return the places of paths, as `range_doppler` has them after its compensation of motion."""
         window = "rect" if window is None else window
-        doppler_window = window if doppler_window is None else doppler_window
         response, waveform, sampled, radar = response_weights(radar, window), radar.waveform, radar, seen_by(radar)
         seconds = waveform.repetitions / waveform.spacing if is_coded(waveform) else 0.0
         length = paths.length
         grid = FrameGrid(radar)
         _, over_x, over_y, _ = grid.expand(*delay_terms(length, paths.length_rate, paths.length_acceleration), 0)
+        weights = window_values(window if doppler_window is None else doppler_window, radar.num_chirps)
         beat = over_x if radar is sampled else beat_frequency(sampled, 0.5 * length, 0.5 * paths.length_rate)
         doppler_bin = turned(over_y * radar.doppler_interval * radar.num_chirps, radar.num_chirps)
         return cls(
@@ -106,8 +105,8 @@ class PathCells:
             doppler_bin=doppler_bin,
             kept=(length < 2.0 * radar.max_range) | (not radar.waveform.sweep.video),
             range_lobe=lobe_of(response),
-            doppler_lobe=main_lobe(doppler_window, radar.num_chirps),
-            doppler_window=window_values(doppler_window, radar.num_chirps),
+            doppler_lobe=lobe_of(weights),
+            doppler_window=weights,
             response=response,
             reach=None if is_coded(waveform) and not waveform.divides else MAX_REACH,
             loss=np.sinc(over_y * seconds) * echo_transfer(sampled, beat, window),
@@ -329,18 +328,20 @@ class CellSpread:
         num_doppler, num_range = self.shape
         over_doppler, over_range = doppler_lobe or self._main[0], range_lobe or self._main[1]
         row, by_row = over_doppler.at(self.cells.doppler_bin[index], radar.num_chirps, num_doppler)
-        rows = (over_doppler.around(radar.num_chirps, num_doppler) + num_doppler // 2) % num_doppler
+        row = row[:, None] + over_doppler.columns(radar.num_chirps, num_doppler)
+        rows = (np.arange(2 * num_doppler) + num_doppler // 2) % num_doppler  # a lobe goes around once at most
         doppler = (rows - num_doppler // 2) / (num_doppler * radar.doppler_interval)
-        place = self.cells.range_bin(index, np.take(doppler, row, axis=0))
+        place = self.cells.range_bin(index, np.take(doppler, row))
         first, weight = over_range.at(place, radar.num_samples, num_range, by_row)
-        first += np.take(rows.astype(np.int64) * num_range, row, axis=0)
-        return [_Footing(first, over_range.around(radar.num_samples, num_range), weight)]
+        first += np.take(rows * num_range, row)
+        columns = over_range.columns(radar.num_samples, num_range).astype(np.int32)
+        return [_Footing(first, columns, num_range, weight)]
 
     def _num_cells(self, doppler_lobe: Lobe, range_lobe: Lobe) -> int:
         """Return how many cells a path's footprint has."""
         radar, (num_doppler, num_range) = self.cells.radar, self.shape
-        rows = doppler_lobe.num_columns(radar.num_chirps, num_doppler)
-        return rows * range_lobe.num_columns(radar.num_samples, num_range)
+        rows = len(doppler_lobe.columns(radar.num_chirps, num_doppler))
+        return rows * len(range_lobe.columns(radar.num_samples, num_range))
 
     @cached_property
     def _main(self) -> tuple[Lobe, Lobe]:
@@ -377,13 +378,16 @@ class _Footing:
     ----------
     first : ndarray of int64, shape (num_paths, num_rows)
         Flat cell at which each lobe starts.
-    around : ndarray of int32, shape (num_range_bins, num_columns)
-        Bins of a lobe, by that at which it starts.
+    columns : ndarray of int32, shape (num_columns,)
+        How far a lobe's bins are after that at which it starts, around the axis once at most.
+    num_bins : int
+        Of the axis over range.
     weight : ndarray of float64, shape (num_paths, num_rows, num_columns)
     """
 
     first: Index
-    around: Cells
+    columns: Cells
+    num_bins: int
     weight: Array
 
     def reached(self, num_cells: int) -> tuple[Cells, Cells]:
@@ -396,8 +400,11 @@ class _Footing:
         starts = np.flatnonzero(used).astype(np.int32)
         number = np.empty(num_cells, dtype=np.int32)
         number[starts] = np.arange(len(starts), dtype=np.int32)
-        column = starts % np.int32(len(self.around))
-        return number, self.around[column] + (starts - column)[:, None]
+        cells = starts[:, None] + self.columns
+        beyond = np.int32(self.num_bins) - starts % np.int32(self.num_bins)  # columns from there on go around
+        late = np.flatnonzero(beyond <= self.columns.max(initial=0))
+        cells[late] -= np.int32(self.num_bins) * (self.columns >= beyond[late, None])
+        return number, cells
 
 
 _Footprint = Callable[[Index], list[_Footing]]
