@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -115,6 +116,23 @@ def _linear(radar: RadarSpec, mount: Mount, positions: np.ndarray) -> RadarPaths
     velocity = np.random.default_rng(7).uniform(-30.0, 30.0, (count, 3))
     paths = point_targets(positions, velocity, 1.0, radar, mount)
     return dataclasses.replace(paths, linear_motion=np.ones(count, dtype=np.bool_))
+
+
+@pytest.mark.parametrize("end", ["tx_array", "rx_array"])
+@pytest.mark.parametrize("off", [0.0, np.nan])
+def test_linear_paths_that_end_at_any_antenna_are_refused(end: str, off: float) -> None:
+    radar = RadarSpec().with_(multiplexing="tdm")
+    paths = _linear(radar, Mount(Pose([0.0, 0.0, 0.0])), np.array([[5.0, 1.0, 0.0], [7.0, 1.0, 0.0], [9.0, -1.0, 0.0]]))
+    points = paths.tx_point.copy()
+    points[1] = getattr(radar, end)[1] + off
+    paths = dataclasses.replace(paths, tx_point=points, rx_point=points.copy())
+    pairs = PairTerms.of(paths, radar)
+    assert pairs.is_linear
+    with pytest.raises(ParameterRangeError, match="path 1 ends at an antenna"):
+        pairs.shares(slice(0, 3))
+    cells = PathCells.of(paths, radar)
+    with pytest.raises(ParameterRangeError, match="path 1 ends at an antenna"):
+        cells.put_middle(np.empty((3, radar.num_virtual), dtype=np.complex128))
 
 
 def test_fields_of_linear_paths_are_those_of_any_path(monkeypatch: pytest.MonkeyPatch) -> None:

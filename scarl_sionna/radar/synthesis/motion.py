@@ -443,7 +443,7 @@ class PairTerms:
         assert self.motion is not None  # by `is_linear`
         geometry, motion = self.geometry, self.motion
         out, home = geometry.tx_distance[:, block], geometry.rx_distance[:, block]
-        if not (out.all() and home.all()):
+        if not all(((ends > 0.0) & (ends < np.inf)).all() for ends in (out, home)):
             for tx, rx in np.ndindex(len(out), len(home)):
                 geometry.pair_amplitude(tx, rx)
         inner, rate = geometry.inner_length[block], motion.between.rate[block]
