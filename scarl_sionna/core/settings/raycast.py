@@ -49,8 +49,8 @@ class RaycastSettings(Spec):
         8,
         ge=1,
         strict=True,
-        description="kept hits of one instance that the radar cannot tell apart (a cell of cells_per_resolution in range, "
-        "velocity and direction), with the power of all; None keeps every hit; docs/raycast.md, kept hits",
+        description="kept hits of one instance that the radar cannot tell apart (a cell of cells_per_resolution in "
+        "range, velocity and direction), with the power of all; None keeps every hit; docs/raycast.md, kept hits",
     )
     cells_per_resolution: float = Field(
         2.0,
