@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
+from scarl_sionna.core.settings.reads import unread
 
 pytestmark = pytest.mark.own_process(shared=True)  # what it leaves behind would stay in the worker
 
@@ -26,6 +27,7 @@ def effort(request, monkeypatch) -> None:
     rays = ss.RadarSettings(method="raycast", raycast={"num_rays": 20_000})
     front = ss.Rig.front("draft")
     sensors = [replace(item, settings=rays) if item.kind == "radar" else item for item in front.sensors]
+    unread(rays)  # what the qualities name is found once, not by the preset below
     monkeypatch.setattr(ss.Rig, "front", {"draft": ss.Rig("front", tuple(sensors))}.__getitem__)
     monkeypatch.setattr(ss.RadarSettings, "preset", {"draft": rays}.__getitem__)
 
