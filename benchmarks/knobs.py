@@ -64,6 +64,14 @@ def timed(call: Callable[[], Any]) -> tuple[Any, float]:
     return call(), time.process_time() - start
 
 
+def map_error(paths: Any, whole: np.ndarray) -> tuple[float, float]:
+    """Return the error of a map within 60 dB of its peak, rms and 95 % below [dB]; a missed cell counts 40 dB."""
+    loud = whole > whole.max() * 1e-6
+    ratio = np.maximum(expected_map(paths, RADAR)[loud] / whole[loud], 1e-4)
+    error = np.abs(10.0 * np.log10(ratio))
+    return float(np.sqrt(np.mean(error**2))), float(np.percentile(error, 95))
+
+
 def cells() -> None:
     print("| place | cells per resolution | widest cosine | error rms [dB] | 95 % below [dB] | paths | CPU [s] |")
     print("|---|---|---|---|---|---|---|")
@@ -71,12 +79,10 @@ def cells() -> None:
         state, mount = place(name)
         every = ss.solve_paths(state, RADAR, mount, "raycast", num_rays=200_000, hits_per_cell=None)
         whole = expected_map(every, RADAR)
-        loud = whole > whole.max() * 1e-6
         for fine, wide in ((0.5, 0.1), (1.0, 0.1), (2.0, 0.1), (4.0, 0.1), (2.0, 0.02), (2.0, 0.4)):
             knobs = ss.RaycastSettings(num_rays=200_000, cells_per_resolution=fine, widest_cosine=wide)
             paths, cpu = timed(lambda knobs=knobs: ss.solve_paths(state, RADAR, mount, settings=knobs))  # noqa: B023
-            error = np.abs(10.0 * np.log10(expected_map(paths, RADAR)[loud] / whole[loud]))
-            rms, most = np.sqrt(np.mean(error**2)), np.percentile(error, 95)
+            rms, most = map_error(paths, whole)
             print(
                 f"| {name} | {fine:g} | {wide:g} | {rms:.3f} | {most:.2f} | {paths.num_paths:,} | {cpu:.2f} |",
                 flush=True,
@@ -90,21 +96,16 @@ def drafts() -> None:
         state, mount = place(name)
         every = ss.solve_paths(state, RADAR, mount, "raycast", num_rays=2_000_000, hits_per_cell=None)
         whole = expected_map(every, RADAR)
-        loud = whole > whole.max() * 1e-6
         for fine, hits in ((2.0, None), (2.0, 8), (1.0, 16), (1.0, 8), (1.0, 4)):
             knobs = ss.RaycastSettings(num_rays=250_000, cells_per_resolution=fine, hits_per_cell=hits)
             paths = ss.solve_paths(state, RADAR, mount, settings=knobs)
-            ratio = np.maximum(expected_map(paths, RADAR)[loud] / whole[loud], 1e-4)
-            error = np.abs(10.0 * np.log10(ratio))
-            rms, most = np.sqrt(np.mean(error**2)), np.percentile(error, 95)
+            rms, most = map_error(paths, whole)
             print(f"| {name} | {fine:g}, {hits} | {rms:.3f} | {most:.2f} | {paths.num_paths:,} |", flush=True)
 
 
 def corners() -> None:
-    print(
-        "| place | level [dB] | corner_share, bisections | echoes change, median and most [dB] | off by | CPU ratio |"
-    )
-    print("|---|---|---|---|---|---|")
+    print("| place | level [dB] | corner_share, bisections | echoes | change, median, most [dB] | off by | CPU ratio |")
+    print("|---|---|---|---|---|---|---|")
     levels = {level.tolerance_db: sbr_settings(level).with_(max_depth=3) for level in ss.AutoSettings().levels}
     for name in CORNER_PLACES:
         state, mount = place(name)
@@ -131,8 +132,8 @@ def corners() -> None:
             for share, steps in ((0.25, 9), (0.5, 9), (0.125, 6), (0.5, 6)):
                 after, cpu = found(levels[level].with_(corner_share=share, bisections=steps))
                 change = apart(after, before)
-                cells = f"{share:g}, {steps} | {len(loud)} | {np.median(change):.2f}, {change.max():.2f} | {off:.2f}"
-                print(f"| {name} | {level:g} | {cells} | {cpu / seconds:.2f} |", flush=True)
+                cell = f"{share:g}, {steps} | {len(loud)} | {np.median(change):.2f}, {change.max():.2f} | {off:.2f}"
+                print(f"| {name} | {level:g} | {cell} | {cpu / seconds:.2f} |", flush=True)
 
 
 def probes() -> None:

@@ -413,4 +413,4 @@ _Footprint = Callable[[Index], list[_Footing]]
 def _blocks(index: Index, num_cells: int) -> list[Index]:
     """Return paths with so many cells each in blocks of a bounded number of cells."""
     width = max(1, _CELLS_PER_BLOCK // max(1, num_cells))
-    return [index[start : start + width] for start in range(0, len(index), width)]
+    return [index[block] for block in in_blocks(len(index), width)]

@@ -126,9 +126,7 @@ class MirrorRays:
             rays, tables = StateRays(mi, self._state, middle_of(start)), self._tables
             dr, aim, number = rays.dr, rays.vectors(end), rays.index(mirror)
             here, ray, distance = _sent(rays, start, aim)
-            face, rough = rays.first_within(here, ray, dr.inf, coherent=True)
-            valid, face = face >= 0, mi.UInt32(dr.maximum(face, 0))
-            hit, _, _ = tables.faces.meet(here, ray, face, rough)
+            valid, face, hit = tables.first(rays, here, ray)
             point = here + hit * ray
             own = dr.gather(mi.Int32, tables.of_face, face)
             limit = dr.select(own < 0, rays.real(self._faces.thickness), COINCIDENT)
@@ -153,9 +151,7 @@ class MirrorRays:
             dr, gone, owner = rays.dr, rays.reals(rest[0]), rays.label(rest[1])
             here, ray, distance = _sent(rays, start, rays.vectors(end))
             origin = here + gone * ray
-            face, rough = rays.first_within(origin, ray, dr.inf, coherent=True)
-            valid, face = face >= 0, mi.UInt32(dr.maximum(face, 0))
-            hit, _, _ = tables.faces.meet(origin, ray, face, rough)
+            valid, face, hit = tables.first(rays, origin, ray)
             part = tables.faces.part(face)
             foreign = valid & (gone + hit < distance - rays.real(self._faces.thickness))
             foreign &= dr.gather(mi.Bool, tables.foreign, part)
@@ -179,6 +175,15 @@ class _Tables:
         self._count = on.dr.opaque(on.mi.UInt32, len(faces.offset))
         self.foreign, self.is_thin = on.mask(foreign), on.mask(is_thin)
         self.instance = on.label(state.world.parts.instance)
+
+    def first(
+        self, rays: StateRays, origin: DeviceArray, ray: DeviceArray
+    ) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
+        """Return whether rays meet anything, its face, and how far it is [m]; both arbitrary where there is nothing."""
+        dr = rays.dr
+        face, rough = rays.first_within(origin, ray, dr.inf, coherent=True)
+        valid, face = face >= 0, rays.mi.UInt32(dr.maximum(face, 0))
+        return valid, face, self.faces.meet(origin, ray, face, rough)[0]
 
     def height(self, point: DeviceArray, number: DeviceArray) -> DeviceArray:
         """Return the distances of points from the planes of mirrors, one mirror each [m]."""

@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.arrays.blocks import in_blocks
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveforms.coded import Coded, window_start
 from scarl_sionna.core.units import SPEED_OF_LIGHT
@@ -91,7 +92,7 @@ class Late:
 
     def _blocks(self) -> list[slice]:
         size = max(1, _DELAYS_AT_ONCE // self.radar.num_chirps)
-        return [slice(first, first + size) for first in range(0, self.paths.num_paths, size)]
+        return list(in_blocks(self.paths.num_paths, size))
 
     @cached_property
     def _laws(self) -> list[tuple[npt.NDArray[np.intp], Law]]:
